@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from posecast_edge.exception_log import ExceptionLog
+from posecast_edge.kit import ExceptionLog
 
 
 def test_a_callback_that_raises_is_counted_and_said_once() -> None:

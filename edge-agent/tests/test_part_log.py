@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from posecast_edge.part_log import NAMED_MAX, PART_MAX, PartLog, kind_of
+from posecast_edge.kit import NAMED_MAX, PART_MAX, PartLog, kind_of
 
 
 def test_a_part_is_named_once_and_repeats_are_counted_by_powers_of_ten() -> None:

@@ -163,7 +163,7 @@ def test_joints_stand_in_the_order_of_the_constructor(monkeypatch: pytest.Monkey
         got.append(sample)
         source.end()
 
-    monkeypatch.setattr("posecast_edge.clock.now_s", lambda: 0.0)
+    monkeypatch.setattr("posecast_edge.kit.now_s", lambda: 0.0)
     source.run(deliver, threading.Event())
     empty = {"b": None, "a": None}
     assert got == [Sample(1.0, {"pos": empty, "ref": empty, "temp": {"b": None, "a": 1.0}})]

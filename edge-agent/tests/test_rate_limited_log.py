@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from posecast_edge.rate_limited_log import RateLimitedLog
+from posecast_edge.kit import RateLimitedLog
 
 
 def test_the_first_at_once_then_a_count_a_second() -> None:

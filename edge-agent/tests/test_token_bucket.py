@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from posecast_edge.token_bucket import TokenBucket
+from posecast_edge.kit import TokenBucket
 
 
 def test_so_many_at_once_and_then_so_many_a_second() -> None:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import pytest
 import zenoh
 from edge_stage import ROBOT, Router
-from posecast_edge.exception_log import ExceptionLog
+from posecast_edge.kit import ExceptionLog
 from posecast_edge.pipeline.events import Event
 from posecast_edge.uplink.publisher import ZenohPublisher
 from posecast_edge.uplink.run import Run

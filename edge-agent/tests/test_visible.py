@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.visible import LINE_MAX, make_visible, quote
+from posecast_edge.kit import LINE_MAX, make_visible, quote
 
 
 @pytest.mark.parametrize(

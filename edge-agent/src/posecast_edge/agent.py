@@ -17,10 +17,9 @@ from typing import Protocol
 from posecast_wire.credential import Credential
 from posecast_wire.keys import Snapshot
 
-from posecast_edge import clock
-from posecast_edge.exception_log import ExceptionLog
+from posecast_edge import kit
+from posecast_edge.kit import ExceptionLog, PartLog, make_visible, quote
 from posecast_edge.model.serve.bundle import Bundle
-from posecast_edge.part_log import PartLog
 from posecast_edge.pipeline.backlog import Backlog
 from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.inferred_channels import InferredChannels
@@ -34,7 +33,6 @@ from posecast_edge.sources.base import Source, Troubled
 from posecast_edge.uplink.certificate import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
-from posecast_edge.visible import make_visible, quote
 
 log = logging.getLogger("posecast_edge")
 
@@ -58,7 +56,7 @@ class AgentSettings:
 
 
 class ProgressLine(Protocol):
-    """Where the agent shows its status line. Times are seconds of clock.now_s()."""
+    """Where the agent shows its status line. Times are seconds of kit.now_s()."""
 
     def is_due(self, now_s: float) -> bool:
         """Whether it is time to show a new status text."""
@@ -159,7 +157,7 @@ class Agent:
         threading.Thread(target=self._read_source, name="source", daemon=True).start()
         echoes = 0
         while not self._stopping and not self._source_ended:
-            now_s = clock.now_s()
+            now_s = kit.now_s()
             if self._publisher.echoes != echoes:
                 echoes = self._publisher.echoes
                 self._adapt(now_s)
@@ -232,7 +230,7 @@ class Agent:
         """Send the frame that is due. The clock's thread calls this when no sample arrived in time."""
         try:
             with pipeline.lock:
-                now_s = clock.now_s()
+                now_s = kit.now_s()
                 if pipeline.ended:
                     return
                 pipeline.record_frame(now_s, self._rate.hz)
@@ -274,7 +272,7 @@ class Agent:
         self._bell.set()
 
     def _deliver(self, sample: Sample) -> float | None:
-        now_s = clock.now_s()
+        now_s = kit.now_s()
         sample = self._guard.clean(sample)
         if self._backlog.is_old(sample.t_s, now_s):
             sample = sample._replace(newest=False)
@@ -287,7 +285,7 @@ class Agent:
             if pipeline.stream is None:
                 return None
             wanted_s = min(wanted_s, pipeline.pacer.from_s)
-        return wanted_s - clock.now_s() + time.monotonic()  # sources use time.monotonic()
+        return wanted_s - kit.now_s() + time.monotonic()  # sources use time.monotonic()
 
     def _deliver_to(self, pipeline: ViewPipeline, sample: Sample, now_s: float) -> None:
         stream = pipeline.stream
@@ -322,7 +320,7 @@ class Agent:
 
     def _pipelines_of(self, profile: Profile | None) -> list[ViewPipeline]:
         """One pipeline per view, fastest first. Without views: one with everything."""
-        hz, now_s = self._settings.hz, clock.now_s()
+        hz, now_s = self._settings.hz, kit.now_s()
         if profile is None or not profile.views:
             stream = self._new_stream(profile) if profile else None
             return [ViewPipeline(PUBLIC, hz, stream, now_s)]
@@ -341,7 +339,7 @@ class Agent:
 
     def _snapshot(self, view: str) -> Snapshot | None:
         stream = self._pipeline_of(view).stream
-        return stream.make_snapshot(self._model, clock.now_s()) if stream else None
+        return stream.make_snapshot(self._model, kit.now_s()) if stream else None
 
     def _force_key(self, view: str) -> None:
         pipeline = self._pipeline_of(view)

@@ -15,9 +15,10 @@ from typing import NoReturn, Protocol, TypeVar
 from posecast_wire.keys import check_name
 from posecast_wire.schema import CHANNELS_MAX, FIELD_NAME
 
-from posecast_edge import clock
+from posecast_edge import kit
 from posecast_edge.agent import Agent, AgentSettings
 from posecast_edge.background_agent import BackgroundAgent, NoProgressLine
+from posecast_edge.kit import quote
 from posecast_edge.model.robot_file import find_format
 from posecast_edge.model.serve.background import BackgroundBuild
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
@@ -31,7 +32,6 @@ from posecast_edge.sources.published.problems import ProblemList
 from posecast_edge.sources.published.slot import PublishedSlot
 from posecast_edge.sources.published.source import OF_PROFILE, PublishedSource
 from posecast_edge.uplink.arguments import check_endpoint, read_credential
-from posecast_edge.visible import quote
 
 log = logging.getLogger("posecast_edge.robot")
 
@@ -222,7 +222,7 @@ class Robot:
             if self._closed or self._background.is_fork():
                 self._report_unheard()
                 return
-            now_s = clock.now_s()
+            now_s = kit.now_s()
             if wrong:
                 self._problems.add("publish() takes keyword arguments only: publish(pos=…)")
             copies: list[Copied] = []

@@ -17,13 +17,13 @@ from posecast_wire.schema import SchemaError
 from posecast_edge.cli.console import Console
 from posecast_edge.cli.robot_flags import list_packages
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
+from posecast_edge.kit import make_visible
 from posecast_edge.model.robot_file import find_format
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.profile.reader import ProfileError, load_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
-from posecast_edge.visible import make_visible
 
 if TYPE_CHECKING:
     from posecast_edge.model.serve.background import BackgroundBuild

@@ -17,6 +17,7 @@ from posecast_wire.command_line.progress_bar import ProgressBar, show_countdown
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.cli.number_flag import limit_number
 from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
+from posecast_edge.kit import many
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.lost_files import find_lost_files
 from posecast_edge.model.doctor.skeleton import examine_model
@@ -42,7 +43,6 @@ from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
-from posecast_edge.visible import many
 
 DESCRIPTION = "robot_description"
 UP_AXIS_HELP = "apply or ignore the up axis that Collada meshes declare; auto: decide by what fits (auto)"

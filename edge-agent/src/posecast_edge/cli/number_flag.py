@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-from posecast_edge.visible import quote
+from posecast_edge.kit import quote
 
 
 def limit_number(low: float, high: float) -> Callable[[str], float]:

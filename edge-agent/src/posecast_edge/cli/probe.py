@@ -13,6 +13,7 @@ from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.command_line.progress_bar import show_countdown
 
 from posecast_edge.cli.number_flag import limit_number
+from posecast_edge.kit import make_visible
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import load_robot_file
@@ -26,7 +27,6 @@ from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering, Source, Tabular
 from posecast_edge.sources.registry import KINDS, find_defaults, open_source
-from posecast_edge.visible import make_visible
 
 log = logging.getLogger("posecast_edge")
 

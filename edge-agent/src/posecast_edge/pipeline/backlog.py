@@ -18,7 +18,7 @@ HOLD_S = 1.0  # the longest check after a pause; then the robot's clock must hav
 
 
 class Backlog:
-    """Follows the samples of one source. Times are seconds of clock.now_s(), except for robot time."""
+    """Follows the samples of one source. Times are seconds of kit.now_s(), except for robot time."""
 
     def __init__(self) -> None:
         self._came_s: float | None = None

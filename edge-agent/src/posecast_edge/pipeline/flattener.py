@@ -10,9 +10,8 @@ from typing import SupportsFloat, SupportsIndex, cast
 
 from posecast_wire.schema import CODE_MAX, Field, Schema
 
-from posecast_edge.part_log import PartLog
+from posecast_edge.kit import WORD_MAX, PartLog, make_visible, many, quote
 from posecast_edge.sample import Reading, Sample
-from posecast_edge.visible import WORD_MAX, make_visible, many, quote
 
 Flat = list[float | None]
 

@@ -2,7 +2,7 @@
 is an argument.
 
 The source's thread calls `deliver`, the network's threads call `make_snapshot`, and `tick` is called by one
-thread at a time. Times are seconds of clock.now_s(), except for robot time.
+thread at a time. Times are seconds of kit.now_s(), except for robot time.
 """
 
 from __future__ import annotations
@@ -19,14 +19,13 @@ from posecast_wire.keys import Snapshot
 from posecast_wire.quantiser import Quantiser
 from posecast_wire.schema import Schema
 
-from posecast_edge.part_log import PartLog
+from posecast_edge.kit import PartLog, quote
 from posecast_edge.pipeline.events import Event, EventLimit, EventWatch
 from posecast_edge.pipeline.flattener import SampleFlattener
 from posecast_edge.pipeline.sampler import NEVER, LeftOver, Sampler
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Sample
-from posecast_edge.visible import quote
 
 INFO_MAX = 64  # texts kept of a robot; further names are ignored
 INFO_BYTES = 12_000  # of all of them together: a relay refuses much more

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from posecast_edge.part_log import PartLog
+from posecast_edge.kit import PartLog, quote
 from posecast_edge.sample import Sample
-from posecast_edge.visible import quote
 
 
 def is_text(value: object) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 from posecast_wire.mapping import CORNERS_MAX, FEET_MAX, GROUNDS, BalanceRule, Ground, SensorMount, Xyz
 from posecast_wire.mapping import Mapping as Meaning
 
-from posecast_edge.visible import quote
+from posecast_edge.kit import quote
 
 if TYPE_CHECKING:
     from posecast_edge.profile.reader import ProfileReader

@@ -25,6 +25,7 @@ from posecast_wire.mapping import (
 from posecast_wire.mapping import Mapping as Meaning
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, SchemaError
 
+from posecast_edge.kit import make_visible, quote
 from posecast_edge.profile.balance import read_balance
 from posecast_edge.profile.columns import Columns
 from posecast_edge.profile.explain import read_sentences
@@ -37,7 +38,6 @@ from posecast_edge.profile.thresholds import read_thresholds
 from posecast_edge.profile.types import FieldSpec, Profile, RosTopics, Trajectory, View
 from posecast_edge.profile.values import REASON_MAX, ProfileError, Values
 from posecast_edge.profile.views import VIEWS_MAX, read_view
-from posecast_edge.visible import make_visible, quote
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from posecast_edge.kit import quote
 from posecast_edge.profile.types import RosTopics
-from posecast_edge.visible import quote
 
 if TYPE_CHECKING:
     from posecast_edge.profile.reader import ProfileReader

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from posecast_wire.credential import LINE_MAX, Credential
 
+from posecast_edge.kit import quote
 from posecast_edge.uplink.credential_file import CredentialFile
-from posecast_edge.visible import quote
 
 ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import zenoh
 
-from posecast_edge.exception_log import ExceptionLog
+from posecast_edge.kit import ExceptionLog
 from posecast_edge.uplink.credential_file import Proof
 from posecast_edge.uplink.proof_watcher import ProofWatcher
 from posecast_edge.uplink.session_config import make_zenoh_config

@@ -25,7 +25,7 @@ from posecast_wire.keys import (
     model_key,
 )
 
-from posecast_edge.exception_log import ExceptionLog
+from posecast_edge.kit import ExceptionLog
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
 from posecast_edge.uplink.callback_threads import CallbackThreads

@@ -6,7 +6,7 @@ import os
 
 from posecast_wire.keys import Stamp
 
-from posecast_edge import clock
+from posecast_edge import kit
 
 
 class Run:
@@ -15,9 +15,9 @@ class Run:
 
     def __init__(self) -> None:
         self.id = int.from_bytes(os.urandom(8), "big") or 1
-        self._start_ns = clock.now_ns()
+        self._start_ns = kit.now_ns()
 
     def make_stamp(self, at_s: float | None = None) -> Stamp:
-        """The attachment for data that became valid at `at_s` (seconds of clock.now_s(); None: now)."""
-        at_ns = clock.now_ns() if at_s is None else round(at_s * 1e9)
+        """The attachment for data that became valid at `at_s` (seconds of kit.now_s(); None: now)."""
+        at_ns = kit.now_ns() if at_s is None else round(at_s * 1e9)
         return Stamp(self.id, max(0, at_ns - self._start_ns))

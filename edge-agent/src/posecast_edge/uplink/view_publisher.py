@@ -10,10 +10,9 @@ from typing import cast
 import zenoh
 from posecast_wire.keys import Snapshot, event_key, frame_key, snapshot_key
 
-from posecast_edge import clock
-from posecast_edge.exception_log import ExceptionLog
+from posecast_edge import kit
+from posecast_edge.kit import ExceptionLog, TokenBucket
 from posecast_edge.pipeline.events import Event
-from posecast_edge.token_bucket import TokenBucket
 from posecast_edge.uplink.run import Run
 
 EVENTS_MAX = 100  # waiting for the link; the oldest is dropped first. The relay keeps as many
@@ -106,18 +105,18 @@ class ViewPublisher:
 
     @property
     def _info_is_due(self) -> bool:
-        return self.info is not None and clock.now_s() - self._info_sent_s >= INFO_EVERY_S
+        return self.info is not None and kit.now_s() - self._info_sent_s >= INFO_EVERY_S
 
     @property
     def ready(self) -> bool:
         """Whether waiting data may be sent now: the relay listens and a KEY has been sent first."""
         if not (self.events or self.model is not None or self._info_is_due):
             return False
-        if clock.now_s() - self._failed_s < RETRY_S:
+        if kit.now_s() - self._failed_s < RETRY_S:
             return False
         if self._events is None or not _matching(self._events).matching:
             return False
-        return self._frame_since_heard or clock.now_s() - self._heard_s > KEY_FIRST_S
+        return self._frame_since_heard or kit.now_s() - self._heard_s > KEY_FIRST_S
 
     def find_next(self) -> Waiting:
         """The item to send next. It stays in its place until `remove`. Call it only while `ready`."""
@@ -142,7 +141,7 @@ class ViewPublisher:
     def remove(self, item: Waiting) -> None:
         """Forget an item that was sent, unless a newer one has taken its place meanwhile."""
         if item is self.info:
-            self.info, self._info_sent_s = None, clock.now_s()
+            self.info, self._info_sent_s = None, kit.now_s()
         elif item is self.model:
             self.model = None
         elif self.events and item is self.events[0]:
@@ -150,18 +149,18 @@ class ViewPublisher:
 
     def postpone(self) -> None:
         """Keep what is waiting, in its order, until RETRY_S from now or until there is a new link."""
-        self._failed_s = clock.now_s()
+        self._failed_s = kit.now_s()
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
         newly = status.matching and not self._matched
         self._matched = status.matching
         if newly:
-            self._heard_s, self._frame_since_heard = clock.now_s(), False
+            self._heard_s, self._frame_since_heard = kit.now_s(), False
             self._heard()
 
     def _on_snapshot(self, query: zenoh.Query) -> None:
         with query:
-            if not self._bucket.take(clock.now_s()):
+            if not self._bucket.take(kit.now_s()):
                 return
             snapshot = self._snapshot()
             if snapshot is None:

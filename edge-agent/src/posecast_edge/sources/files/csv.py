@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from posecast_wire.command_line.installation import name_edge_command
 
-from posecast_edge.part_log import PartLog, kind_of
+from posecast_edge.kit import PartLog, kind_of, make_visible, many
 from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
 from posecast_edge.sources.files.csv_clock import TableClock, find_clock
@@ -36,7 +36,6 @@ from posecast_edge.sources.files.csv_columns import (
     match_joint_name,
 )
 from posecast_edge.sources.files.playback import EndlessLine, Playback, Player, parse_playback, skip_line
-from posecast_edge.visible import make_visible, many
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from posecast_wire.command_line.installation import advise_extra
 
-from posecast_edge.part_log import PartLog, kind_of
+from posecast_edge.kit import PartLog, kind_of
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.playback import Playback, Player
 from posecast_edge.sources.files.records import Complain, Record, RecordedMessage, RecordedTopic

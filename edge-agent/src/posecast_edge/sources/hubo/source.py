@@ -18,13 +18,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from posecast_edge.rate_limited_log import RateLimitedLog
+from posecast_edge.kit import SAY_EVERY_S, RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.hubo.ach_shm import ShmReader, find_channel_path
 from posecast_edge.sources.hubo.achd import AchdReader
 from posecast_edge.sources.hubo.achd_protocol import PORT
-from posecast_edge.sources.hubo.reconnecting import SAY_EVERY_S, PersistentReader
+from posecast_edge.sources.hubo.reconnecting import PersistentReader
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from posecast_wire.command_line.installation import name_edge_command
 
+from posecast_edge.kit import OnceLog, quote
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.sample import Reading
 from posecast_edge.sources.published.problems import ProblemList
-from posecast_edge.visible import quote
 
 ERRORS_MAX = 10  # errors of one model that are reported one by one
 POSITIONS = ("pos", "ref")
@@ -48,7 +48,7 @@ class ModelCheck:
         self._problems = problems
         self._readings: frozenset[str] | None = None
         self._limits: Mapping[str, JointLimits] = {}
-        self._told: set[str] = set()
+        self._once = OnceLog(problems.add)
         self._doubts: dict[str, str] = {}  # question → message about the first joint
 
     def take_model(self, bundle: Bundle) -> None:
@@ -57,9 +57,9 @@ class ModelCheck:
         errors = [f for f in bundle.findings if f.severity == "error"]
         for finding in errors[:ERRORS_MAX]:
             where = f"line {finding.line}: " if finding.line else ""
-            self._tell_once(f"model: {where}{finding.text}")
+            self._report_once(f"model: {where}{finding.text}")
         if len(errors) > ERRORS_MAX:
-            self._tell_once(
+            self._report_once(
                 f"model: it has further errors; `{name_edge_command('doctor')} --urdf` lists them"
             )
         self._limits = {
@@ -75,7 +75,7 @@ class ModelCheck:
             return
         for name in sorted(labels):
             for label in sorted(labels[name] - self._readings):
-                self._tell_once(f"{name} of {quote(label)} moves nothing: the model has no such joint")
+                self._report_once(f"{name} of {quote(label)} moves nothing: the model has no such joint")
 
     def check_positions(self, values: Mapping[str, Mapping[str, Reading]]) -> None:
         """Report a value far beyond a joint's limits, only for the first of many joints: if a program passes
@@ -91,7 +91,5 @@ class ModelCheck:
         text = f"{what} is far beyond the joint's limits, {limits}{question}"
         self._problems.add(self._doubts.setdefault(question or text, text))
 
-    def _tell_once(self, text: str) -> None:
-        if text not in self._told:
-            self._told.add(text)
-            self._problems.add(text)
+    def _report_once(self, text: str) -> None:
+        self._once.add(text, text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 
-from posecast_edge.visible import make_visible
+from posecast_edge.kit import make_visible
 
 log = logging.getLogger("posecast_edge.robot")
 

@@ -51,7 +51,7 @@ class Taken(NamedTuple):
 
 
 class PublishedSlot:
-    """Any thread may call `put`; one thread calls `take` and `wait`. Times are seconds of clock.now_s(),
+    """Any thread may call `put`; one thread calls `take` and `wait`. Times are seconds of kit.now_s(),
     `t_s` is the robot's."""
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from posecast_edge.part_log import PartLog, kind_of
+from posecast_edge.kit import PartLog, kind_of
 from posecast_edge.sample import Sample
 from posecast_edge.sources.ros.merge import STREAM_S, MessageMerger
 from posecast_edge.sources.ros.messages import (
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("posecast_edge.ros")
 
-SAY_EVERY_S = 10.0
 TOPICS_MAX = 2000  # remembered; further topics are neither shown nor read
 NAMED_MAX = 8  # unsupported types that are logged; `probe` shows all
 

@@ -13,14 +13,14 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
+from posecast_edge.kit import OnceLog, make_visible, quote
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.moving_joints import MovingJoint, list_moving_joints
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.sample import Reading
 from posecast_edge.sources.ros.joint_value import compute_joint_value
 from posecast_edge.sources.ros.messages import Report, Transform
-from posecast_edge.sources.ros.transforms import FRAMES_MAX, LINE_MAX, SHOWN, WAIT_S
-from posecast_edge.visible import make_visible, quote
+from posecast_edge.sources.ros.transforms import FRAMES_MAX, SHOWN, WAIT_S
 
 OFF_M, OFF_RAD = 0.005, math.radians(2)  # a calibrated robot deviates less from its model
 NO_MODEL = (
@@ -36,7 +36,6 @@ class JointFrames:
     def __init__(
         self, say: Callable[[str], None], namespace: str = "", channels: Collection[str] | None = None
     ) -> None:
-        self._say = say
         self._channels = channels
         self._wanted = f"{namespace.strip('/')}/"
         self._joints: tuple[MovingJoint, ...] = ()
@@ -55,7 +54,7 @@ class JointFrames:
         self._found: set[str] = set()  # joints that have had a value
         self._misfits: set[str] = set()
         self._began_s: float | None = None
-        self._told: set[str] = set()
+        self._once = OnceLog(say)
 
     @property
     def names(self) -> list[str]:
@@ -67,7 +66,7 @@ class JointFrames:
         """Whether transforms are needed. False while there is no model and that has been logged."""
         if self._given is not None or (self._description is not None and not self._is_given):
             return True
-        return bool(self._joints) if self._has_model else NO_MODEL not in self._told
+        return bool(self._joints) if self._has_model else not self._once.has_logged(NO_MODEL)
 
     def set_joints(self, joints: Sequence[MovingJoint]) -> None:
         """Take the joints of the shown model. May be called from any thread."""
@@ -114,9 +113,9 @@ class JointFrames:
         if self._began_s is None:  # no transform arrived
             return
         if not self._has_model:
-            self._say_once(NO_MODEL, NO_MODEL)
+            self._once.add(NO_MODEL, NO_MODEL)
         elif self._misfits or len(self._found) < len(self._joints):
-            self._say_once(self.describe())
+            self._once.add(self.describe())
 
     def describe(self) -> str:
         """One line for `probe`: how many of the model's joints have had a value, and why the others have
@@ -133,7 +132,7 @@ class JointFrames:
             parts.append(f"no transform for {_list(ways)}")
         if self._joints and not self._found:
             parts.append("is this the robot's model?")
-        return make_visible("; ".join(parts), LINE_MAX)
+        return make_visible("; ".join(parts))
 
     # --- the model
 
@@ -154,7 +153,7 @@ class JointFrames:
             if self._channels is None or joint.name in self._channels
         )
         if joints and not self._joints:
-            self._say_once("joints are not read from /tf: the profile's pos has none of the model's joints")
+            self._once.add("joints are not read from /tf: the profile's pos has none of the model's joints")
         self._has_model = True
         self._by_child = {joint.child: joint for joint in self._joints}
         for known in (self._found, self._misfits, self._votes, self._prefixes, self._by_frame):
@@ -199,7 +198,7 @@ class JointFrames:
         if others and now != self._wanted:
             shown = _list([quote(prefix) for prefix in (now, *others)])
             text = f"/tf has the frames of several robots, with the prefixes {shown}: the first is read"
-            self._say_once(text)
+            self._once.add(text)
 
     # --- one joint
 
@@ -211,19 +210,13 @@ class JointFrames:
             return found.value
         self._misfits.add(joint.name)
         self._found.discard(joint.name)
-        self._say_once(
+        self._once.add(
             f"{joint.name} is not read from /tf: {told.parent} → {told.child} is "
             f"{math.degrees(found.off_rad):.1f}° and {found.off_m * 1e3:.0f} mm off its axis; "
             "is this the robot's model?",
             "misfit",
         )
         return None
-
-    def _say_once(self, text: str, kind: str = "") -> None:
-        key = kind or text.partition(":")[0]
-        if key not in self._told:
-            self._told.add(key)
-            self._say(make_visible(text, LINE_MAX))
 
 
 def _list(names: Sequence[str]) -> str:

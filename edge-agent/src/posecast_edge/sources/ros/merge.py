@@ -12,9 +12,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from posecast_edge.kit import make_visible
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.ros.messages import JOINT_STATE, Report
-from posecast_edge.visible import make_visible
 
 STREAM_S = 1.5  # readings of a silent stream expire after this; the page shows STALE after the same time
 STATE_S = 60.0  # the same for readings that are published rarely or only when they change

@@ -25,9 +25,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from posecast_edge.kit import many, quote
 from posecast_edge.profile.field_defaults import DIAG_BITS
 from posecast_edge.sample import NOTHING, TIME_MAX_S, Reading
-from posecast_edge.visible import many, quote
 
 JOINT_STATE = "sensor_msgs/JointState"
 CONTROLLER_STATE = "control_msgs/JointTrajectoryControllerState"

@@ -24,10 +24,10 @@ import zenoh
 from posecast_wire.command_line.installation import advise_extra
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from posecast_edge.rate_limited_log import RateLimitedLog
+from posecast_edge.kit import SAY_EVERY_S, RateLimitedLog
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Deliver, Source
-from posecast_edge.sources.ros.input import SAY_EVERY_S, RosInput
+from posecast_edge.sources.ros.input import RosInput
 from posecast_edge.sources.ros.keys import (
     BRIDGE_TOKENS,
     Found,

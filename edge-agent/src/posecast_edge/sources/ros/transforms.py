@@ -12,14 +12,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from posecast_edge.kit import OnceLog
 from posecast_edge.sources.ros.messages import Report, Transform, read_transforms
-from posecast_edge.visible import make_visible
 
 FRAMES_MAX = 2048  # of one tree, about a megabyte; further ones are ignored
 OLD_S = 60.0  # a moving transform without an update for this long expires
 WAIT_S = 5.0  # a missing frame is logged this long after the first transform
 SHOWN = 12  # frames named in one line
-LINE_MAX, LINES_MAX = 600, 40  # characters of a line, lines
+LINES_MAX = 40
 FIXED = ("odom", "map", "world")  # usual names of the fixed frame, the smoothest first
 BASES = ("base_footprint", "base_link", "pelvis", "base", "torso", "trunk", "body")
 
@@ -45,12 +45,11 @@ class TransformTree:
 
     def __init__(self, base: tuple[str, str] | None, say: Callable[[str], None]) -> None:
         self._base = base
-        self._say = say
         self._edges: dict[str, _Edge] = {}  # by child
         self._began_s: float | None = None
         self._chain: tuple[list[str], list[str]] | None = None  # see _find_chain
         self._known = False  # whether the chain is up to date
-        self._told: set[str] = set()
+        self._once = OnceLog(say)
 
     def take_message(self, message: Any, static: bool, now_s: float) -> Report | None:
         """Take a TFMessage that arrived at `now_s` (seconds). Returns the pose of the base if it was updated.
@@ -65,7 +64,7 @@ class TransformTree:
         for told in transforms:
             before = self._edges.get(told.child)
             if before is None and len(self._edges) >= FRAMES_MAX:
-                self._say_once(f"more than {FRAMES_MAX} frames: {told.child} and further ones are left out")
+                self._once.add(f"more than {FRAMES_MAX} frames: {told.child} and further ones are left out")
                 continue
             if before is None or before.told.parent != told.parent:
                 self._known = False
@@ -88,12 +87,12 @@ class TransformTree:
         for name in (fixed, base):
             circle = self._find_circle(name)
             if name not in frames:
-                self._say_once(f"base {fixed}→{base}: no transform names {name}; frames: {shown or 'none'}")
+                self._once.add(f"base {fixed}→{base}: no transform names {name}; frames: {shown or 'none'}")
                 return
             if circle:
-                self._say_once(f"base {fixed}→{base}: the transforms form a loop: {circle}")
+                self._once.add(f"base {fixed}→{base}: the transforms form a loop: {circle}")
                 return
-        self._say_once(f"base {fixed}→{base}: no transforms connect the two")
+        self._once.add(f"base {fixed}→{base}: no transforms connect the two")
 
     def list_frames(self, is_link: Callable[[str], bool] = lambda _: False) -> list[str]:
         """Lines for `probe`: the parent and children of each frame, and the profile line that sets the base.
@@ -124,7 +123,7 @@ class TransformTree:
             return None
         old = [child for child in moving if now_s - self._edges[child].heard_s > OLD_S]
         if old:
-            self._say_once(f"no transform of {old[0]} for {OLD_S:g} s: the base has no pose")
+            self._once.add(f"no transform of {old[0]} for {OLD_S:g} s: the base has no pose")
             return None
         pose = NO_MOVE
         for child in up:
@@ -181,12 +180,6 @@ class TransformTree:
             return None  # the base is the root, so its pose is unknown
         moving = [(edge.told.parent, child) for child, edge in self._edges.items() if not edge.static]
         return next((pair for pair in moving if pair[0] not in self._edges), None)
-
-    def _say_once(self, text: str) -> None:
-        key = text.partition(":")[0]
-        if key not in self._told:
-            self._told.add(key)
-            self._say(make_visible(text, LINE_MAX))
 
 
 def multiply_poses(first: Pose, second: Pose) -> Pose:
