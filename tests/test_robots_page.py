@@ -14,9 +14,8 @@ from pathlib import Path
 import pytest
 from posecast_command.completion import make_whole_parser
 from posecast_edge.pipeline.stream import Stream
-from posecast_edge.profile.field_defaults import UNITS, WELL_KNOWN
-from posecast_edge.profile.reader import SHIPPED, parse_profile
-from posecast_edge.profile.ros import ROLES
+from posecast_edge.profile.defaults import UNITS, WELL_KNOWN
+from posecast_edge.profile.reader import ROLES, SHIPPED, parse_profile
 from posecast_edge.profile.schema import infer_profile, make_schema_text
 from posecast_edge.robot import Robot
 from posecast_edge.sources.hubo.state import LAYOUTS

@@ -119,13 +119,7 @@ PARSERS = (
         "profile",
         (
             "profile.reader.load_profile",
-            "profile.balance.read_balance",
-            "profile.explain.read_sentences",
-            "profile.names.read_names",
             "profile.reader.parse_profile",
-            "profile.ros.read_ros",
-            "profile.thresholds.read_thresholds",
-            "profile.views.read_view",
         ),
         profile_work,
         (ProfileError,),

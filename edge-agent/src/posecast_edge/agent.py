@@ -26,8 +26,7 @@ from posecast_edge.pipeline.inferred_channels import InferredChannels
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
-from posecast_edge.profile.balance import find_unknown_feet
-from posecast_edge.profile.types import PUBLIC, Profile
+from posecast_edge.profile.types import PUBLIC, Profile, find_unknown_feet
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Source, Troubled
 from posecast_edge.uplink.certificate import Certificate

@@ -23,7 +23,7 @@ from posecast_edge.model.robot_file import find_format
 from posecast_edge.model.serve.background import BackgroundBuild
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.model.urdf.resolver import list_package_folders
-from posecast_edge.profile.field_defaults import JOINT_FIELDS
+from posecast_edge.profile.defaults import JOINT_FIELDS
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import NOTHING, explain_time, read_time

@@ -14,7 +14,7 @@ from posecast_edge.kit import many
 from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
 from posecast_edge.model.urdf.types import Joint, Urdf
 from posecast_edge.pipeline.source_stats import POSITION, WAIT_S, ChannelStats, SourceStats
-from posecast_edge.profile.field_defaults import guess_unit
+from posecast_edge.profile.defaults import guess_unit
 from posecast_edge.profile.types import FieldSpec, Profile
 
 MOVING = ("revolute", "continuous", "prismatic")

@@ -20,7 +20,7 @@ from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.serve.bundle import find_sliding
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.pipeline.source_stats import WAIT_S, WATCH_MAX_S, ChannelStats, SourceStats, observe_source
-from posecast_edge.profile.field_defaults import find_usual_unit, guess_unit
+from posecast_edge.profile.defaults import find_usual_unit, guess_unit
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.profile.schema import mark_sliding
 from posecast_edge.profile.types import Profile

@@ -20,7 +20,7 @@ from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Joint, Urdf
-from posecast_edge.profile.field_defaults import SLIDING
+from posecast_edge.profile.defaults import SLIDING
 from posecast_edge.profile.reader import ProfileError, parse_profile
 
 MOVING = ("revolute", "continuous", "prismatic")

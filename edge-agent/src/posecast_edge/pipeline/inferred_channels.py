@@ -18,7 +18,7 @@ from posecast_wire.checked import TEXT_MAX, is_text
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, TEXT_BYTES_MAX, SchemaError
 
 from posecast_edge.kit import many, quote
-from posecast_edge.profile.field_defaults import DIAG_BITS, JOINT_FIELDS
+from posecast_edge.profile.defaults import DIAG_BITS, JOINT_FIELDS
 from posecast_edge.profile.schema import (
     DIAG,
     FLAGS,

@@ -13,7 +13,7 @@ from posecast_wire.mapping import Xyz
 from posecast_wire.toml_lines import find_line, index_lines
 
 from posecast_edge.kit import make_visible, quote
-from posecast_edge.profile.field_defaults import UNITS
+from posecast_edge.profile.defaults import UNITS
 
 WHERE_MAX = 120  # characters
 REASON_MAX = 400

@@ -18,7 +18,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-from posecast_edge.profile.field_defaults import UNITS, WELL_KNOWN
+from posecast_edge.profile.defaults import UNITS, WELL_KNOWN
 from posecast_edge.sources.ros.messages import make_site_name
 from posecast_edge.sources.ros.topics import COMMAND
 

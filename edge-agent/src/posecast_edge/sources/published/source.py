@@ -13,7 +13,7 @@ from posecast_wire.schema import CHANNELS_MAX
 from posecast_edge import kit
 from posecast_edge.kit import quote
 from posecast_edge.model.serve.bundle import Bundle
-from posecast_edge.profile.field_defaults import JOINT_FIELDS
+from posecast_edge.profile.defaults import JOINT_FIELDS
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.base import Deliver

@@ -12,7 +12,7 @@ JSON or CBOR. ROS 1 and 2 name types and the two numbers of a timestamp differen
 | sensor_msgs/BatteryState | `volt`, `amp`, `charge`: SITE |
 | nav_msgs/Odometry | `base` base.x y z, `baseq` base.w x y z |
 | tf2_msgs/TFMessage | `base`, `baseq`, `pos`, through robot_frames.py |
-| diagnostic_msgs/DiagnosticArray | `diag`, bits of field_defaults.DIAG_BITS: names of the statuses |
+| diagnostic_msgs/DiagnosticArray | `diag`, bits of profile.defaults.DIAG_BITS: names of the statuses |
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from posecast_edge.kit import many, quote
-from posecast_edge.profile.field_defaults import DIAG_BITS
+from posecast_edge.profile.defaults import DIAG_BITS
 from posecast_edge.sample import NOTHING, TIME_MAX_S, Reading
 
 JOINT_STATE = "sensor_msgs/JointState"
