@@ -132,7 +132,7 @@ PARSERS = (
     ),
     Parser(
         "credential",
-        ("cli.settings.parse_settings", "uplink.arguments.read_credential"),
+        ("cli.settings.parse_settings", "uplink.credentials.read_credential"),
         credential_work,
         (UsageError,),
         (CREDENTIAL + b"\n", CREDENTIAL + b":TUlJQg==\r\n"),

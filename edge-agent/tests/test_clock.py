@@ -4,7 +4,7 @@ import time
 
 import pytest
 from posecast_edge import kit
-from posecast_edge.uplink.run import Run
+from posecast_edge.uplink.session import Run
 
 
 def test_time_asleep_counts_where_the_platform_can_tell(monkeypatch: pytest.MonkeyPatch) -> None:

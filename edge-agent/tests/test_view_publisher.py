@@ -12,10 +12,8 @@ import zenoh
 from edge_stage import ROBOT, Router
 from posecast_edge.kit import ExceptionLog
 from posecast_edge.pipeline.events import Event
-from posecast_edge.uplink.publisher import ZenohPublisher
-from posecast_edge.uplink.run import Run
-from posecast_edge.uplink.session_config import make_zenoh_config
-from posecast_edge.uplink.view_publisher import EVENTS_MAX, ViewPublisher
+from posecast_edge.uplink.publisher import EVENTS_MAX, ViewPublisher, ZenohPublisher
+from posecast_edge.uplink.session import Run, make_zenoh_config
 from posecast_testing import until
 from posecast_wire.keys import frame_key
 

@@ -29,7 +29,7 @@ from posecast_edge.pipeline.view_pipeline import ViewPipeline
 from posecast_edge.profile.types import PUBLIC, Profile, find_unknown_feet
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Source, Troubled
-from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.credentials import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
 

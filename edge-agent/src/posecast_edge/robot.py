@@ -31,7 +31,7 @@ from posecast_edge.sources.published.copier import SHOWN, Copied, ReadingsCopier
 from posecast_edge.sources.published.problems import ProblemList
 from posecast_edge.sources.published.slot import PublishedSlot
 from posecast_edge.sources.published.source import OF_PROFILE, PublishedSource
-from posecast_edge.uplink.arguments import check_endpoint, read_credential
+from posecast_edge.uplink.credentials import check_endpoint, read_credential
 
 log = logging.getLogger("posecast_edge.robot")
 

@@ -19,8 +19,7 @@ from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES
 from posecast_edge.profile.reader import find_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import KINDS, split_spec
-from posecast_edge.uplink.arguments import check_endpoint, read_credential
-from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.credentials import Certificate, check_endpoint, read_credential
 
 T = TypeVar("T")
 
