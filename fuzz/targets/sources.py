@@ -12,8 +12,8 @@ from collections.abc import Iterable
 
 from posecast_edge.model.moving_joints import MovingJoint
 from posecast_edge.pipeline.inferred_channels import InferredChannels
+from posecast_edge.pipeline.intake import TextGuard
 from posecast_edge.pipeline.stream import Stream
-from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.profile.reader import ProfileError, load_profile, parse_profile
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import Profile

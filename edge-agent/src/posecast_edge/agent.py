@@ -20,11 +20,10 @@ from posecast_wire.keys import Snapshot
 from posecast_edge import kit
 from posecast_edge.kit import ExceptionLog, PartLog, make_visible, quote
 from posecast_edge.model.serve.bundle import Bundle
-from posecast_edge.pipeline.backlog import Backlog
 from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.inferred_channels import InferredChannels
+from posecast_edge.pipeline.intake import Backlog, TextGuard
 from posecast_edge.pipeline.stream import Stream
-from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
 from posecast_edge.profile.types import PUBLIC, Profile, find_unknown_feet
 from posecast_edge.sample import Sample, SourceError

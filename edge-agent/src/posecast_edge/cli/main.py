@@ -15,7 +15,7 @@ from posecast_wire.command_line.standard_streams import open_closed_streams
 from posecast_wire.schema import SchemaError
 
 from posecast_edge.cli.console import Console
-from posecast_edge.cli.robot_flags import list_packages
+from posecast_edge.cli.flags import list_packages
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
 from posecast_edge.kit import make_visible
 from posecast_edge.model.robot_file import find_format

@@ -15,8 +15,8 @@ from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.command_line.progress_bar import ProgressBar, show_countdown
 
 from posecast_edge.cli.doctor import examine_source
-from posecast_edge.cli.number_flag import limit_number
-from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
+from posecast_edge.cli.flags import add_robot_flags, limit_number, list_packages
+from posecast_edge.cli.source_stats import WATCH_MAX_S, observe_source
 from posecast_edge.kit import many
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
 from posecast_edge.model.doctor.lost_files import find_lost_files
@@ -37,7 +37,6 @@ from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES, Urdf
-from posecast_edge.pipeline.source_stats import WATCH_MAX_S, observe_source
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError

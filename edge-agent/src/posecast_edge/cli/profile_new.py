@@ -15,7 +15,7 @@ from pathlib import Path
 
 from posecast_wire.command_line.parser import CommandParser
 
-from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
+from posecast_edge.cli.flags import add_robot_flags, list_packages
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.urdf.tree import build_tree
