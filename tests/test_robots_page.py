@@ -20,10 +20,10 @@ from posecast_edge.profile.schema import infer_profile, make_schema_text
 from posecast_edge.robot import Robot
 from posecast_edge.sources.hubo.state import LAYOUTS
 from posecast_edge.sources.jsonl import MAX_LINE, parse_line
-from posecast_edge.sources.published.problems import PROBLEMS_MAX
-from posecast_edge.sources.published.slot import KEPT_MAX
-from posecast_edge.sources.published.slot import STATE_S as STATE_HELD_S
-from posecast_edge.sources.published.slot import STREAM_S as STREAM_HELD_S
+from posecast_edge.sources.published.checks import PROBLEMS_MAX
+from posecast_edge.sources.published.readings import KEPT_MAX
+from posecast_edge.sources.published.readings import STATE_S as STATE_HELD_S
+from posecast_edge.sources.published.readings import STREAM_S as STREAM_HELD_S
 from posecast_edge.sources.published.source import SETTLE_S
 from posecast_edge.sources.registry import KINDS
 from posecast_edge.sources.ros.merge import STATE_S, STREAM_S

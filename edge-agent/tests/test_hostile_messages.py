@@ -17,7 +17,7 @@ import ros_stage
 from message_parsers import MESSAGE, as_cbor, doubling, publish
 from parser_stage import held_bytes
 from posecast_edge.kit import NAMED_MAX, RateLimitedLog
-from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
+from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError
 from posecast_edge.sources.hubo.achd import BatchTimer
 from posecast_edge.sources.ros.cdr import CdrReader
 from posecast_edge.sources.ros.input import RosInput

@@ -13,11 +13,8 @@ from posecast_edge import kit
 from posecast_edge.model.serve.bundle import load_bundle
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
-from posecast_edge.sources.published.clock_check import BACK
-from posecast_edge.sources.published.copier import Copied
-from posecast_edge.sources.published.model_check import ERRORS_MAX, ModelCheck
-from posecast_edge.sources.published.problems import ProblemList
-from posecast_edge.sources.published.slot import PublishedSlot
+from posecast_edge.sources.published.checks import BACK, ERRORS_MAX, ModelCheck, ProblemList
+from posecast_edge.sources.published.readings import Copied, PublishedSlot
 from posecast_edge.sources.published.source import PublishedSource
 
 ARM = (

@@ -10,9 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 from posecast_edge.sample import Sample
-from posecast_edge.sources.published.copier import NAMES_MAX, Copied, ReadingsCopier, UnusableError, copy_base
-from posecast_edge.sources.published.problems import MORE, PROBLEMS_MAX, ProblemList
-from posecast_edge.sources.published.slot import KEPT_MAX, STRANDS_MAX, PublishedSlot, Taken
+from posecast_edge.sources.published.checks import MORE, PROBLEMS_MAX, ProblemList
+from posecast_edge.sources.published.readings import (
+    KEPT_MAX,
+    NAMES_MAX,
+    STRANDS_MAX,
+    Copied,
+    PublishedSlot,
+    ReadingsCopier,
+    Taken,
+    UnusableError,
+    copy_base,
+)
 from posecast_edge.sources.published.source import PublishedSource
 
 

@@ -27,9 +27,15 @@ from posecast_edge.profile.defaults import JOINT_FIELDS
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import NOTHING, explain_time, read_time
-from posecast_edge.sources.published.copier import SHOWN, Copied, ReadingsCopier, UnusableError, copy_base
-from posecast_edge.sources.published.problems import ProblemList
-from posecast_edge.sources.published.slot import PublishedSlot
+from posecast_edge.sources.published.checks import ProblemList
+from posecast_edge.sources.published.readings import (
+    SHOWN,
+    Copied,
+    PublishedSlot,
+    ReadingsCopier,
+    UnusableError,
+    copy_base,
+)
 from posecast_edge.sources.published.source import OF_PROFILE, PublishedSource
 from posecast_edge.uplink.credentials import check_endpoint, read_credential
 

@@ -1,4 +1,4 @@
-"""Common part of both ROS sources: takes discovered topics and their messages and makes samples.
+"""Common part of both live ROS sources: takes discovered topics and their messages and makes samples.
 
 Messages and samples belong to one thread; topics may be added by another.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from posecast_edge.kit import PartLog, kind_of
@@ -25,6 +25,7 @@ from posecast_edge.sources.ros.robot_frames import STATES_S, RobotFrames
 from posecast_edge.sources.ros.topics import STATIC, TOPIC_MAX, TYPES, Route, Routes
 
 if TYPE_CHECKING:
+    from posecast_edge.model.moving_joints import MovingJoint
     from posecast_edge.profile.types import Profile
 
 log = logging.getLogger("posecast_edge.ros")
@@ -153,3 +154,31 @@ class RosInput:
         self.frames.joints.set_description(urdf)
         if self.on_urdf is not None:
             self.on_urdf(urdf)
+
+
+class RosSource:
+    """The base of ROS sources. `intake` turns messages into samples."""
+
+    def __init__(self, intake: RosInput) -> None:
+        self._intake = intake
+
+    @property
+    def offers(self) -> list[str]:
+        """Lines for `probe` about the topics found."""
+        return self._intake.list_topics()
+
+    def send_urdf_to(self, take: Callable[[str], None]) -> None:
+        """Pass every new robot_description (URDF text) to `take`, in the source's thread."""
+        self._intake.on_urdf = take
+
+    def watch_frames(self) -> None:
+        """Read /tf even if no profile asks for it, so that `offers` can list its frames."""
+        self._intake.frames.watch()
+        self._intake.watch_frames()
+
+    def take_joints(self, joints: Sequence[MovingJoint]) -> None:
+        """Read these joints of the shown model from /tf if no joint states arrive."""
+        self._intake.frames.joints.set_joints(joints)
+
+    def expect_joints(self) -> None:
+        """Do nothing: a live source need not wait, since messages before `take_joints` would be outdated."""

@@ -1,17 +1,65 @@
-"""Compares published values with the robot's model. Does not read meshes."""
+"""Checks what a program publishes: against the robot's model, and its clock against this machine's. Each kind
+of problem is counted, and logged once."""
 
 from __future__ import annotations
 
+import logging
 import math
+import threading
 from collections.abc import Mapping
 from typing import NamedTuple
 
 from posecast_wire.command_line.installation import name_edge_command
 
-from posecast_edge.kit import OnceLog, quote
+from posecast_edge.kit import OnceLog, make_visible, quote
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.sample import Reading
-from posecast_edge.sources.published.problems import ProblemList
+
+log = logging.getLogger("posecast_edge.robot")
+
+PROBLEMS_MAX = 50  # kinds that are counted separately
+MORE = "further kinds of problems are only counted"
+
+
+class ProblemList:
+    """Counts the problems with published values, and logs each kind once. May be used from any thread. `add`
+    never writes; `log_new` writes the log, in a thread that may block."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts: dict[str, int] = {}
+        self._new: list[str] = []
+        self._firsts: dict[str, str] = {}  # the text of a part's first problem
+
+    def add(self, text: str, part: str = "") -> None:
+        """Count one more problem of this kind. `text`: one line, the same for each problem of a kind. If it
+        shows a value that changes, `part` is what stays the same, and the first text is kept."""
+        text = make_visible(text)
+        with self._lock:
+            if part:
+                text = self._firsts.setdefault(part, text)
+            if text not in self._counts and len(self._counts) >= PROBLEMS_MAX:
+                text = MORE
+            if text not in self._counts:
+                self._new.append(text)
+            self._counts[text] = self._counts.get(text, 0) + 1
+
+    def get_counts(self) -> dict[str, int]:
+        """Text of each problem → how often it has occurred, the oldest first."""
+        with self._lock:
+            return dict(self._counts)
+
+    def log_new(self) -> None:
+        """Log the problems that have not been logged yet."""
+        if not self._new:
+            return
+        with self._lock:
+            new, self._new = self._new, []
+        for text in new:
+            log.warning("%s", text)
+
+
+# --- the model
 
 ERRORS_MAX = 10  # errors of one model that are reported one by one
 POSITIONS = ("pos", "ref")
@@ -42,7 +90,8 @@ class JointLimits(NamedTuple):
 
 
 class ModelCheck:
-    """Reports to `problems`. `take_model` may be called from any thread, the other methods from one."""
+    """Compares published values with the robot's model. Does not read meshes. Reports to `problems`.
+    `take_model` may be called from any thread, the other methods from one."""
 
     def __init__(self, problems: ProblemList) -> None:
         self._problems = problems
@@ -93,3 +142,38 @@ class ModelCheck:
 
     def _report_once(self, text: str) -> None:
         self._once.add(text, text)
+
+
+# --- the clock
+
+LOOK_S = 1.0  # between two checks of the pace
+BACK_S = 1.0  # threads that publish with their own times may be a little apart
+UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+BACK = "t stepped back by more than a second: does it come from another clock?"
+
+
+class ClockCheck:
+    """Compares the robot clock that a program passes with this machine's clock. Reports to `problems` when
+    the robot's time steps back, or seems to be in another unit."""
+
+    def __init__(self, problems: ProblemList) -> None:
+        self._problems = problems
+        self._newest: tuple[float, float] | None = None
+        self._began: tuple[float, float] | None = None
+
+    def check_time(self, t_s: float, now_s: float) -> None:
+        """Check one call. `t_s`: the robot's time that it passed; `now_s`: monotonic seconds."""
+        if self._newest is not None and t_s < self._newest[0] - BACK_S:
+            self._problems.add(BACK)
+            self._began = None
+        self._newest = (t_s, now_s)
+        if self._began is None:
+            self._began = self._newest
+        passed_s = now_s - self._began[1]
+        if passed_s < LOOK_S:
+            return
+        pace = (t_s - self._began[0]) / passed_s
+        self._began = self._newest
+        for factor, unit in UNITS.items():
+            if 0.5 < pace / factor < 2:
+                self._problems.add(f"t runs {factor:,.0f} times too fast: are these {unit}?")
