@@ -14,7 +14,7 @@ from posecast_edge.sources.published.checks import MORE, PROBLEMS_MAX, ProblemLi
 from posecast_edge.sources.published.readings import (
     KEPT_MAX,
     NAMES_MAX,
-    STRANDS_MAX,
+    PUBLISHERS_MAX,
     Copied,
     PublishedSlot,
     ReadingsCopier,
@@ -133,9 +133,9 @@ def test_flags_that_were_replaced_unseen_are_kept_and_not_too_many() -> None:
 
 def test_calls_that_always_name_others_take_no_more_room() -> None:
     slot = PublishedSlot()
-    for i in range(10 * STRANDS_MAX):
+    for i in range(10 * PUBLISHERS_MAX):
         slot.put(0.0, [Copied("pos", (f"a{i}",), [1.0])], {}, 0.0)
-    assert len(taken(slot, 0.0).values["pos"]) == STRANDS_MAX
+    assert len(taken(slot, 0.0).values["pos"]) == PUBLISHERS_MAX
 
 
 def test_who_waits_is_woken_by_the_next_call() -> None:

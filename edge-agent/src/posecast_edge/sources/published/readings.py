@@ -6,7 +6,6 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from operator import index
 from typing import NamedTuple, cast
@@ -15,6 +14,7 @@ from posecast_wire.schema import BITS_MAX, CHANNELS_MAX
 
 from posecast_edge.kit import many, quote
 from posecast_edge.sample import WORDS, Reading
+from posecast_edge.sources.merge import STATE_S, STREAM_S, LatestReadings
 from posecast_edge.sources.sites import has_lists, split_lists
 
 SHOWN = 40  # characters of a value in a message
@@ -195,25 +195,12 @@ def _describe_item(item: object) -> str:
 
 Readings = dict[str, Reading]  # by label
 
-STRANDS_MAX = 64  # strands: combinations of a field and its labels
-LABELS_MAX = 1 << 14  # of all of them (the wire has 4,096 channels)
+PUBLISHERS_MAX = 64  # combinations of a field and its labels
 KEPT_MAX = 64
-STREAM_S = 1.5  # how long readings of motion are valid; the page shows STALE after the same time
-STATE_S = 60.0  # the same for readings that are published rarely or only when they change
 STREAMS = frozenset(
     ("pos", "vel", "effort", "base", "baseq", "ftf", "ftm", "quat", "tilt", "gyro", "acc"),
 )
 FLAGS = "flags"
-
-
-@dataclass
-class _Strand:
-    """The last readings of one field and set of labels. `number`: of the call."""
-
-    labels: tuple[str, ...]
-    readings: Sequence[Reading] = ()
-    put_s: float = 0.0
-    number: int = 0
 
 
 class Taken(NamedTuple):
@@ -245,9 +232,7 @@ class PublishedSlot:
         self._waiting = False
         self._fresh = False
         self._t_s = 0.0
-        self._strands: dict[tuple[str, tuple[str, ...]], _Strand] = {}
-        self._newest: dict[str, _Strand] = {}  # of each field
-        self._labels = 0  # of all strands
+        self._last = LatestReadings[Sequence[Reading]](PUBLISHERS_MAX)  # by field
         self._info: Mapping[str, str] = {}
         self._flags: deque[tuple[float, Readings]] = deque(maxlen=KEPT_MAX)
         self.published = 0  # calls
@@ -257,12 +242,10 @@ class PublishedSlot:
         with self._lock:
             self.published += 1
             for name, labels, readings in copies:
-                strand = self._newest.get(name)
-                if strand is None or (strand.labels is not labels and strand.labels != labels):
-                    strand = self._find_strand(name, labels)
-                elif name == FLAGS and self._fresh and strand.readings != readings:
-                    self._flags.append((self._t_s, dict(zip(labels, strand.readings, strict=True))))
-                strand.readings, strand.put_s, strand.number = readings, now_s, self.published
+                life_s = STREAM_S if name in STREAMS else STATE_S
+                before = self._last.replace(name, labels, readings, life_s, now_s)
+                if name == FLAGS and self._fresh and before is not None and before != readings:
+                    self._flags.append((self._t_s, dict(zip(labels, before, strict=True))))
             if info:
                 self._info = info
             self._t_s, self._fresh = t_s, True
@@ -287,27 +270,8 @@ class PublishedSlot:
                 return None
             self._fresh = False
             values: dict[str, Readings] = {}
-            strands = sorted(self._strands.items(), key=lambda item: item[1].number)
-            for (name, labels), strand in strands:
-                if now_s - strand.put_s < (STREAM_S if name in STREAMS else STATE_S):
-                    values.setdefault(name, {}).update(zip(labels, strand.readings, strict=True))
+            for name, labels, readings in self._last.list_valid(now_s):
+                values.setdefault(name, {}).update(zip(labels, readings, strict=True))
             flags = list(self._flags)
             self._flags.clear()
             return Taken(self._t_s, values, self._info, flags)
-
-    def _find_strand(self, name: str, labels: tuple[str, ...]) -> _Strand:
-        """The strand of these labels, which becomes the field's newest. May evict the one silent longest."""
-        key = (name, labels)
-        if key not in self._strands:
-            while self._strands and (
-                len(self._strands) >= STRANDS_MAX or self._labels + len(labels) > LABELS_MAX
-            ):
-                oldest = min(self._strands, key=lambda key: self._strands[key].number)
-                gone = self._strands.pop(oldest)
-                self._labels -= len(gone.labels)
-                if self._newest.get(oldest[0]) is gone:
-                    del self._newest[oldest[0]]
-            self._strands[key] = _Strand(labels)
-            self._labels += len(labels)
-        strand = self._newest[name] = self._strands[key]
-        return strand

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from posecast_edge.kit import PartLog, kind_of
 from posecast_edge.sample import Sample
-from posecast_edge.sources.ros.merge import STREAM_S, MessageMerger
+from posecast_edge.sources.merge import STREAM_S
+from posecast_edge.sources.ros.merge import MessageMerger
 from posecast_edge.sources.ros.messages import (
     STRING,
     TF,
