@@ -19,7 +19,7 @@ from posecast_edge.cli.flags import add_robot_flags, limit_number, list_packages
 from posecast_edge.cli.source_stats import WATCH_MAX_S, observe_source
 from posecast_edge.kit import many
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
-from posecast_edge.model.doctor.lost_files import find_lost_files
+from posecast_edge.model.doctor.meshes import find_lost_files
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import (
     SEVERITIES,
