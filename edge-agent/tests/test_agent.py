@@ -222,7 +222,7 @@ class Wire:
     """In the publisher's place: what leaves, while somebody listens."""
 
     def __init__(self) -> None:
-        self.open = True
+        self.may_send = True
         self.frames: list[Frame] = []
         self.blocks: Callable[[], None] = lambda: None
 
@@ -287,11 +287,11 @@ def test_the_stamp_on_the_wire_is_when_the_sample_was_taken(running: Running) ->
 def test_a_sample_from_before_an_outage_is_a_picture_and_no_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     still = Still(monkeypatch)
     still.samples(1.0)
-    still.wire.open = False
+    still.wire.may_send = False
     still.samples(1.0)
     before = len(still.wire.frames)
     still.now_s += 10.0  # the source falls silent, then the link comes back
-    still.wire.open = True
+    still.wire.may_send = True
     still.agent._force_key("public")
     for _ in range(30):
         still.look()

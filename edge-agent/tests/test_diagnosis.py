@@ -105,7 +105,7 @@ def test_a_relay_that_is_slow_at_first_is_not_said_to_refuse(
         until_s = time.monotonic() + 20.0
         while not knocked.is_set() and time.monotonic() < until_s:
             with slow.accept()[0] as link:
-                if link.recv(2) == doorbell.KNOCK:  # the agent asks why there is no link
+                if link.recv(2) == doorbell.PROBE:  # the agent asks why there is no link
                     knocked.set()
         assert knocked.is_set()
     router.start()

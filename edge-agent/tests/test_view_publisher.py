@@ -86,7 +86,7 @@ class Breaking:
 def link(router: Router) -> Iterator[ZenohPublisher]:
     made = ZenohPublisher(ROBOT, VIEWS, router.endpoint, snapshot=lambda _: None, heard=lambda _: None)
     made.start()
-    until("a link", lambda: made.connected and made.open)
+    until("a link", lambda: made.connected and made.may_send)
     yield made
     made.stop(20.0)
     made.wait_for_end(20.0)

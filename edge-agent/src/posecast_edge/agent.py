@@ -106,7 +106,7 @@ class Agent:
         self._stopping = False
         self._source_stop = threading.Event()
         self._source_ended = False
-        self._told_trouble = False  # trouble before the first sample has been reported
+        self._reported_trouble = False  # trouble before the first sample has been reported
         self._failure: str | None = None
 
     def set_model(self, bundle: Bundle) -> None:
@@ -199,8 +199,8 @@ class Agent:
             trouble = self._source.trouble if isinstance(self._source, Troubled) else ""
             if pipeline.stream is not None:
                 self._send_events(pipeline, pipeline.stream.check_time(now_s, trouble))
-            elif trouble and not self._told_trouble:
-                self._told_trouble = True
+            elif trouble and not self._reported_trouble:
+                self._reported_trouble = True
                 self._send_events(pipeline, [Event(0.0, "fault", "source", trouble, True)])
         except Exception as e:
             self._failed(pipeline, e)
@@ -234,7 +234,7 @@ class Agent:
                 pipeline.record_frame(now_s, self._rate.hz)
                 # don't encode while the link is down or has a queue: only the newest sample is kept, for
                 # a short time
-                if pipeline.stream is None or not self._publisher.open:
+                if pipeline.stream is None or not self._publisher.may_send:
                     return
                 frame = pipeline.stream.tick(now_s, pipeline.compute_oldest_s(now_s))
                 if frame is not None:

@@ -81,7 +81,7 @@ class Backlog:
     def __init__(self) -> None:
         self._came_s: float | None = None
         self._interval_s = math.inf
-        self._way_s = 0.0  # arrival − robot time of the newest sample that was not old
+        self._offset_s = 0.0  # arrival − robot time of the newest sample that was not old
         self._pause_s = 0.0  # 0: no check under way
         self._since_s = 0.0  # arrival of the first sample after the pause
 
@@ -90,17 +90,17 @@ class Backlog:
         if not math.isfinite(t_s):
             return False
         before_s, self._came_s = self._came_s, now_s
-        way_s = now_s - t_s
+        offset_s = now_s - t_s
         if before_s is not None:
             gap_s = now_s - before_s
             if not self._pause_s and gap_s > max(PAUSE_S, PAUSE_PERIODS * self._interval_s):
                 self._pause_s, self._since_s = gap_s, now_s
             self._interval_s = gap_s
         if self._pause_s:
-            late_s = way_s - self._way_s
+            late_s = offset_s - self._offset_s
             # no sample can be delayed by more than the pause: then the robot's clock stepped
             if LATE_S < late_s < self._pause_s + LATE_S and now_s - self._since_s < HOLD_S:
                 return True
             self._pause_s = 0.0
-        self._way_s = way_s
+        self._offset_s = offset_s
         return False

@@ -64,7 +64,7 @@ def diagnose_link(relay: str, credential: Credential | Certificate | None) -> Di
                 if wrong == NO_TLS and _is_web(host, int(port)):
                     wrong = WEB
             else:
-                wrong = _explain_answer(knock(plain), address)
+                wrong = _explain_answer(probe_port(plain), address)
     except (OSError, UnicodeError):  # UnicodeError: an invalid host name
         return Diagnosis("does not answer")
     if wrong is not None:
@@ -89,7 +89,7 @@ def _takes_anybody(relay: str) -> bool:
 def _is_web(host: str, port: int) -> bool:
     """Whether a web server without TLS listens there."""
     with socket.create_connection((host, port), PATIENCE_S) as plain:
-        return is_http(knock(plain))
+        return is_http(probe_port(plain))
 
 
 def _explain_answer(answer: bytes | None, address: str) -> str | None:
@@ -116,7 +116,7 @@ def _refusal(credential: Credential | Certificate | None, alert: str | None) -> 
 
 # --- what listens there: Zenoh, a web server, TLS, or nothing
 
-KNOCK = bytes(2)  # an empty batch: Zenoh answers by closing, and the relay does not count a refusal
+PROBE = bytes(2)  # an empty batch: Zenoh answers by closing, and the relay does not count a refusal
 ANSWER_BYTES = 8  # enough to tell HTTP and TLS from Zenoh
 HTTP, TLS_ALERT = b"HTTP/", b"\x15\x03"
 
@@ -126,12 +126,12 @@ WEB = (
 )
 
 
-def knock(link: socket.socket) -> bytes | None:
+def probe_port(link: socket.socket) -> bytes | None:
     """The first bytes of the answer; b"" when the other side closes the connection; None when nothing arrives
     before the socket's timeout (the OS accepts connections even for a stopped process). Raises ssl.SSLError
     when the other side of a TLS link sends an alert."""
     try:
-        link.sendall(KNOCK)
+        link.sendall(PROBE)
         return link.recv(ANSWER_BYTES)
     except TimeoutError:
         return None
@@ -181,7 +181,7 @@ def _hear(link: ssl.SSLSocket) -> tuple[str | None, str | None]:
         link.recv(1)  # read first: if the relay closed on data from us, its alert could be lost
     except TimeoutError:  # it waits for our data
         with suppress(OSError):
-            return (WEB if is_http(knock(link)) else None), None
+            return (WEB if is_http(probe_port(link)) else None), None
     except ssl.SSLError as e:
         _, alert, words = (e.reason or "").partition("ALERT_")
         return None, words.replace("_", " ").lower() if alert else None

@@ -95,7 +95,7 @@ class ZenohPublisher:
             self._notify,
             self.exceptions,
         )
-        self._desk = ModelServer(robot, self.run, self.exceptions)
+        self._model_server = ModelServer(robot, self.run, self.exceptions)
         self._wake = threading.Condition()  # two threads wait on it, so use notify_all
         self._stopping = False
         self._just_linked = False
@@ -140,7 +140,7 @@ class ZenohPublisher:
     def set_model(self, bundle: Bundle) -> None:
         """Answer queries with this model from now on, and announce its hash as soon as the relay listens."""
         with self._wake:
-            self._desk.bundle = bundle
+            self._model_server.bundle = bundle
             for view_publisher in self._view_publishers.values():
                 view_publisher.model = bundle.hash
             self._wake.notify_all()
@@ -151,7 +151,7 @@ class ZenohPublisher:
         with self._wake:
             self._stopping = True
             self._wake.notify_all()
-        self._desk.close()
+        self._model_server.close()
         self._rotation.stop()
         self._thread.join(timeout_s)
 
@@ -173,7 +173,7 @@ class ZenohPublisher:
         return self._watch.late_s
 
     @property
-    def open(self) -> bool:
+    def may_send(self) -> bool:
         """Whether frames should be sent: the link is up, the relay listens, and no queue has built up."""
         if not self.connected or self._watch.is_queue_full(time.monotonic()):
             return False
@@ -290,7 +290,7 @@ class ZenohPublisher:
         for the model, so these are declared in reverse order."""
         before, self._session, self._declared = self._declared, session, []
         on_transport = self.exceptions.guard("the link", partial(self._on_transport, session))
-        on_model = self.exceptions.guard("a query about the model", self._desk.enqueue_query)
+        on_model = self.exceptions.guard("a query about the model", self._model_server.enqueue_query)
         with self._callback_threads.collect():
             self._declared += [
                 session.info.declare_transport_events_listener(on_transport, history=True),
