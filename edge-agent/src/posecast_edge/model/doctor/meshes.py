@@ -107,17 +107,17 @@ def _textures(
     urdf: Urdf, shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]
 ) -> Iterator[Finding]:
     """Pictures that the URDF names and that can't be shown."""
-    told: set[str] = set()
+    reported: set[str] = set()
     for name, shape in shapes:
         material = find_material(shape, urdf.materials)
         if material is None or not material.texture:
             continue
         lost = facts.get(material.texture)
         if lost is not None and lost.reason is not None:
-            if material.texture not in told:
+            if material.texture not in reported:
                 text = f"texture {quote_name(material.texture)} of link {quote_name(name)}: {lost.reason}"
                 yield Finding("error", "texture-missing", text, material.line)
-            told.add(material.texture)
+            reported.add(material.texture)
             continue
         fact = facts.get(shape.geometry.uri) if shape.geometry is not None else None
         if fact is not None and fact.reason is None and not fact.has_uv:

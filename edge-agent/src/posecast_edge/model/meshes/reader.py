@@ -91,17 +91,17 @@ class SideFiles:
 
     def make_loader(self, mesh: Path, resolver: Resolver) -> Load:
         """A function that loads the files this mesh names. It raises ModelRefused when one can't be used."""
-        told: dict[str, bytes | ModelRefused] = {}
+        read: dict[str, bytes | ModelRefused] = {}
 
         def load(name: str) -> bytes:
-            if name not in told and len(told) >= NAMES_MAX:
+            if name not in read and len(read) >= NAMES_MAX:
                 raise ModelRefused(f"it names more than {NAMES_MAX} files")
-            if name not in told:
+            if name not in read:
                 try:
-                    told[name] = self._read(resolver.find_beside(mesh, name))
+                    read[name] = self._read(resolver.find_beside(mesh, name))
                 except ModelRefused as e:
-                    told[name] = e
-            found = told[name]
+                    read[name] = e
+            found = read[name]
             if isinstance(found, ModelRefused):
                 raise ModelRefused(found.reason)
             return found

@@ -62,10 +62,10 @@ class HuboAchSource:
         self._reader = reader
         self._decoder = HuboDecoder(profile)
         self._foreign = RateLimitedLog(log.warning, "foreign frames", SAY_EVERY_S)
-        self._told_unknown = False
+        self._reported_unknown = False
         self._t_s = float("nan")
         self._moved_s = 0.0  # when robot time last changed
-        self._told_still = False
+        self._reported_still = False
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver every frame whose time is new, until `stop`."""
@@ -95,14 +95,14 @@ class HuboAchSource:
         except UnknownFrame as e:
             self._foreign.add(f"{self._reader.name}: {e}", now_s)
             return None
-        if not self._told_unknown:
-            self._told_unknown = True
+        if not self._reported_unknown:
+            self._reported_unknown = True
             if self._decoder.unknown:
                 log.warning("hubo-ach has no reading for: %s", ", ".join(self._decoder.unknown))
         if t_s == self._t_s:
-            if not self._told_still and now_s - self._moved_s > STANDSTILL_S:
-                self._told_still = True
+            if not self._reported_still and now_s - self._moved_s > STANDSTILL_S:
+                self._reported_still = True
                 log.warning("%s: frames arrive, but robot time stays at %.3f s", self._reader.name, t_s)
             return None
-        self._t_s, self._moved_s, self._told_still = t_s, now_s, False
+        self._t_s, self._moved_s, self._reported_still = t_s, now_s, False
         return t_s, values

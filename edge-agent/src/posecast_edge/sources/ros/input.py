@@ -51,7 +51,7 @@ class RosInput:
         self._ignored: set[str] = set()  # types that were logged
         self._bad = PartLog(log.warning, "bad messages")
         self._urdf = ""
-        self._told_still = False
+        self._reported_still = False
 
     def add_topic(self, topic: str, type_name: str) -> Route | None:
         """Add a discovered topic and return how it is read, None if it is not read. `type_name`: short form.
@@ -128,9 +128,9 @@ class RosInput:
         sample = self._merge.make_sample(now_s)
         since_s = self._merge.stands_since_s
         if since_s is None:
-            self._told_still = False
-        elif not self._told_still and now_s - since_s > STREAM_S:
-            self._told_still = True
+            self._reported_still = False
+        elif not self._reported_still and now_s - since_s > STREAM_S:
+            self._reported_still = True
             log.warning("%s: messages arrive, but their timestamps do not change", self._name)
         return sample
 

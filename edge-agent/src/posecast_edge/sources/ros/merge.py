@@ -83,11 +83,11 @@ class MessageMerger:
         life_s = math.inf if report.lasts else STREAM_S if stream else STATE_S
         if self._last.replace(topic, labels, report.values, life_s, now_s) is None:
             self._look_for_doubles(topic, report.values)
-        for known, told in ((self._info, report.info), (self._links, report.links)):
+        for known, reported in ((self._info, report.info), (self._links, report.links)):
             if len(known) < TEXTS_MAX:
-                known.update(told)
+                known.update(reported)
             else:
-                known.update((name, text) for name, text in told.items() if name in known)
+                known.update((name, text) for name, text in reported.items() if name in known)
         if not self._drives(role, now_s):
             return
         if self._clock.advance(report.stamp_s, now_s):

@@ -199,13 +199,13 @@ class JointFrames:
         """Whether the frame is a link that a joint of the model moves."""
         return frame in self._by_frame
 
-    def take_transforms(self, told: Sequence[Transform], static: bool, now_s: float) -> Report | None:
+    def take_transforms(self, transforms: Sequence[Transform], static: bool, now_s: float) -> Report | None:
         """Take transforms that arrived at `now_s` (seconds). Returns the values of their joints, None if they
         have none. A joint whose transform does not fit has no reading."""
         if self._began_s is None:
             self._began_s = now_s
         self._adopt_model()
-        news = [one for one in told if self._parents.get(one.child) != one.parent]
+        news = [one for one in transforms if self._parents.get(one.child) != one.parent]
         for one in news:
             self._meet_frame(one)
         if news:
@@ -214,7 +214,7 @@ class JointFrames:
             return None
         readings: dict[str, Reading] = {}
         stamp_s: float | None = None
-        for one in told:
+        for one in transforms:
             joint = self._by_frame.get(one.child)
             if joint is not None and one.parent == self._prefix + joint.parent:
                 readings[joint.name] = self._read_joint(joint, one)
@@ -246,8 +246,8 @@ class JointFrames:
         if off:
             parts.append(f"off their axis: {_list(off)}")
         if silent:
-            ways = [f"{joint.name} ({joint.parent} → {joint.child})" for joint in silent[: SHOWN + 1]]
-            parts.append(f"no transform for {_list(ways)}")
+            missing = [f"{joint.name} ({joint.parent} → {joint.child})" for joint in silent[: SHOWN + 1]]
+            parts.append(f"no transform for {_list(missing)}")
         if self._joints and not self._found:
             parts.append("is this the robot's model?")
         return make_visible("; ".join(parts))
@@ -283,12 +283,12 @@ class JointFrames:
 
     # --- which frame is which link
 
-    def _meet_frame(self, told: Transform) -> None:
+    def _meet_frame(self, transform: Transform) -> None:
         """Take a frame that is new or has another parent than before."""
-        if told.child not in self._parents and len(self._parents) >= FRAMES_MAX:
+        if transform.child not in self._parents and len(self._parents) >= FRAMES_MAX:
             return
-        self._parents[told.child] = told.parent
-        self._vote(told.child, told.parent)
+        self._parents[transform.child] = transform.parent
+        self._vote(transform.child, transform.parent)
 
     def _vote(self, child: str, parent: str) -> None:
         for prefix in self._prefixes.pop(child, ()):
@@ -320,8 +320,8 @@ class JointFrames:
 
     # --- one joint
 
-    def _read_joint(self, joint: MovingJoint, told: Transform) -> Reading:
-        found = compute_joint_value(joint, (told.xyz, told.wxyz))
+    def _read_joint(self, joint: MovingJoint, transform: Transform) -> Reading:
+        found = compute_joint_value(joint, (transform.xyz, transform.wxyz))
         if found.off_m <= OFF_M and found.off_rad <= OFF_RAD:
             self._found.add(joint.name)
             self._misfits.discard(joint.name)
@@ -329,7 +329,7 @@ class JointFrames:
         self._misfits.add(joint.name)
         self._found.discard(joint.name)
         self._once.add(
-            f"{joint.name} is not read from /tf: {told.parent} → {told.child} is "
+            f"{joint.name} is not read from /tf: {transform.parent} → {transform.child} is "
             f"{math.degrees(found.off_rad):.1f}° and {found.off_m * 1e3:.0f} mm off its axis; "
             "is this the robot's model?",
             "misfit",

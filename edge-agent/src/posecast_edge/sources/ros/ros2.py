@@ -106,12 +106,12 @@ class Ros2Source(RosSource):
     # --- the session
 
     def _open(self, stop: threading.Event) -> zenoh.Session | None:
-        told = False
+        is_reported = False
         while not stop.is_set():
             with suppress(zenoh.ZError):  # it always reports a timeout
                 return zenoh.open(_config(self._endpoint))
-            if not told:
-                told = True
+            if not is_reported:
+                is_reported = True
                 log.warning("%s does not answer; still trying", self._endpoint)
             stop.wait(RETRY_MS[0] / 1e3)
         return None

@@ -34,7 +34,7 @@ NO_MOVE: Pose = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 class _Edge:
     """The last transform of one frame. `heard_s`: when it arrived."""
 
-    told: Transform
+    transform: Transform
     static: bool
     heard_s: float
 
@@ -61,15 +61,17 @@ class TransformTree:
         if self._began_s is None:
             self._began_s = now_s
         news: set[str] = set()
-        for told in transforms:
-            before = self._edges.get(told.child)
+        for transform in transforms:
+            before = self._edges.get(transform.child)
             if before is None and len(self._edges) >= FRAMES_MAX:
-                self._once.add(f"more than {FRAMES_MAX} frames: {told.child} and further ones are left out")
+                self._once.add(
+                    f"more than {FRAMES_MAX} frames: {transform.child} and further ones are left out"
+                )
                 continue
-            if before is None or before.told.parent != told.parent:
+            if before is None or before.transform.parent != transform.parent:
                 self._known = False
-            self._edges[told.child] = _Edge(told, static, now_s)
-            news.add(told.child)
+            self._edges[transform.child] = _Edge(transform, static, now_s)
+            news.add(transform.child)
         return None if self._base is None else self._report(news, now_s)
 
     def check_time(self, now_s: float) -> None:
@@ -82,7 +84,7 @@ class TransformTree:
         if self._base is None or self._find_chain() is not None:
             return
         fixed, base = self._base
-        frames = self._edges.keys() | {edge.told.parent for edge in self._edges.values()}
+        frames = self._edges.keys() | {edge.transform.parent for edge in self._edges.values()}
         shown = ", ".join(sorted(frames)[:SHOWN]) + (", …" if len(frames) > SHOWN else "")
         for name in (fixed, base):
             circle = self._find_circle(name)
@@ -99,7 +101,9 @@ class TransformTree:
         `is_link`: whether a joint of the robot moves a frame, so that it can't be the base."""
         children: dict[str, list[str]] = {}
         for child, edge in sorted(self._edges.copy().items()):
-            children.setdefault(edge.told.parent, []).append(child + (" (static)" if edge.static else ""))
+            children.setdefault(edge.transform.parent, []).append(
+                child + (" (static)" if edge.static else "")
+            )
         lines = [
             f"frame {parent} → {', '.join(names[:SHOWN])}{', …' if len(names) > SHOWN else ''}"
             for parent, names in sorted(children.items())
@@ -135,50 +139,50 @@ class TransformTree:
             "base": {"base.x": x, "base.y": y, "base.z": z},
             "baseq": {"base.w": w, "base.x": qx, "base.y": qy, "base.z": qz},
         }
-        stamp_s = self._edges[moving[0]].told.stamp_s if moving else None
+        stamp_s = self._edges[moving[0]].transform.stamp_s if moving else None
         return Report(stamp_s, values, lasts=not moving)
 
     def _pose(self, child: str) -> Pose:
-        told = self._edges[child].told
-        return told.xyz, told.wxyz
+        transform = self._edges[child].transform
+        return transform.xyz, transform.wxyz
 
     def _find_chain(self) -> tuple[list[str], list[str]] | None:
         """Children up from the fixed frame to the nearest common parent, and the same from the base."""
         if not self._known and self._base is not None:
             self._known = True
-            fixed, base = (self._list_way_up(name) for name in self._base)
+            fixed, base = (self._list_ancestry(name) for name in self._base)
             places = {name: i for i, name in enumerate(fixed)}
             meets = next((i for i, name in enumerate(base) if name in places), None)
             self._chain = None if meets is None else (fixed[: places[base[meets]]], base[:meets])
         return self._chain
 
-    def _list_way_up(self, name: str) -> list[str]:
+    def _list_ancestry(self, name: str) -> list[str]:
         """The frame and its ancestors, up to the root or to the point where they form a loop."""
-        way = {name: None}
-        while (edge := self._edges.get(name)) is not None and edge.told.parent not in way:
-            name = edge.told.parent
-            way[name] = None
-        return list(way)
+        ancestry = {name: None}
+        while (edge := self._edges.get(name)) is not None and edge.transform.parent not in ancestry:
+            name = edge.transform.parent
+            ancestry[name] = None
+        return list(ancestry)
 
     def _find_circle(self, name: str) -> str:
         """`a → b → a`; "" when this frame's ancestors form no loop."""
-        way = self._list_way_up(name)
-        edge = self._edges.get(way[-1])
+        ancestry = self._list_ancestry(name)
+        edge = self._edges.get(ancestry[-1])
         if edge is None:
             return ""
-        shown = way[way.index(edge.told.parent) :]
+        shown = ancestry[ancestry.index(edge.transform.parent) :]
         return " → ".join((*shown[:SHOWN], *(("…",) if len(shown) > SHOWN else ()), shown[0]))
 
     def _suggest(self) -> tuple[str, str] | None:
         names = {name.rpartition("/")[2]: name for name in sorted(self._edges, reverse=True)}
         for base in (names[last] for last in BASES if last in names):
-            above = self._list_way_up(base)[1:]
+            above = self._list_ancestry(base)[1:]
             fixed = [name for last in FIXED for name in above if name.rpartition("/")[2] == last]
             if above:
                 return (fixed or above[-1:])[0], base
-        if any(edge.told.parent.rpartition("/")[2] in BASES for edge in self._edges.copy().values()):
+        if any(edge.transform.parent.rpartition("/")[2] in BASES for edge in self._edges.copy().values()):
             return None  # the base is the root, so its pose is unknown
-        moving = [(edge.told.parent, child) for child, edge in self._edges.items() if not edge.static]
+        moving = [(edge.transform.parent, child) for child, edge in self._edges.items() if not edge.static]
         return next((pair for pair in moving if pair[0] not in self._edges), None)
 
 
