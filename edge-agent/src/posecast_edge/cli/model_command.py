@@ -238,8 +238,8 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any], program: str) ->
     """Print the result. Returns the exit status: 1 when every visual is a placeholder."""
     for finding in manifest.get("findings", []):
         if finding["severity"] != "hint":
-            said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
-            _print_finding(sys.stderr, said, _name_lines(path))
+            shown = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
+            _print_finding(sys.stderr, shown, _name_lines(path))
     stand_ins = sum("placeholder" in v for v in manifest["visuals"])
     more = f", {many(stand_ins, 'placeholder')} among them" if stand_ins else ""
     links, visuals = many(len(manifest["links"]), "link"), many(len(manifest["visuals"]), "visual")

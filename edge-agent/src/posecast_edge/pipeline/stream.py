@@ -312,7 +312,7 @@ class Stream:
         self._picture: tuple[int, bytes] | None = None  # number of the sample, its KEY
         self._info: dict[str, str] = {}
         self._info_bytes = 0
-        self._said: Mapping[str, str] = {}  # texts of the newest sample that had some
+        self._newest_info: Mapping[str, str] = {}  # texts of the newest sample that had some
         self._too_much = PartLog(say, "texts too many")
         self._texts = profile.info  # None: all
         self._seq = -1  # of the newest frame
@@ -381,8 +381,8 @@ class Stream:
             return self._limit.admit(events, now_s) if events else events
 
     def _take_info(self, sample: Sample) -> None:
-        said, self._said = self._said, sample.info
-        if sample.info == said:  # the common case
+        last_info, self._newest_info = self._newest_info, sample.info
+        if sample.info == last_info:  # the common case
             return
         for name, text in sample.info.items():
             before = self._info.get(name)
@@ -393,7 +393,7 @@ class Stream:
             if size <= INFO_BYTES and (before is not None or len(self._info) < INFO_MAX):
                 self._info, self._info_bytes = {**self._info, name: text}, size
                 continue
-            if said.get(name) == text:  # left out before
+            if last_info.get(name) == text:  # left out before
                 continue
             where = f"{sample.where}: " if sample.where else ""
             most = f"{INFO_MAX} texts, {INFO_BYTES} bytes in all"

@@ -55,14 +55,14 @@ class Values:
         except RecursionError:  # nested too deep
             line = None
         place = self.file if line is None else f"{self.file}:{line}"
-        said = f"{place}: {make_visible(where, WHERE_MAX)}: {make_visible(reason, REASON_MAX)}"
-        raise ProfileError(said, path)
+        message = f"{place}: {make_visible(where, WHERE_MAX)}: {make_visible(reason, REASON_MAX)}"
+        raise ProfileError(message, path)
 
     def _path(self, where: str) -> str:
         """Convert `fields.pos.unit`, as in messages, to `fields[1].unit`, as in the file."""
-        for said, meant in self.field_paths.items():
-            if where == said or where.startswith((f"{said}.", f"{said}[")):
-                return meant + where[len(said) :]
+        for shown, path in self.field_paths.items():
+            if where == shown or where.startswith((f"{shown}.", f"{shown}[")):
+                return path + where[len(shown) :]
         return where
 
     def check_table(self, value: object, where: str, keys: Sequence[str] | None = None) -> dict[str, Any]:

@@ -477,27 +477,27 @@ def interpret_column(
     """
     if not name:
         return "it has no name"
-    said, unit = split_unit(name)
+    bare, unit = split_unit(name)
     if unit is not None and unit not in TO_OURS and unit not in UNITS:
         return f"{UNKNOWN_UNIT} {unit[:40]!r}; known: {', '.join(u for u in (*UNITS, *TO_OURS) if u)}"
-    if COUNTER.fullmatch(said):
+    if COUNTER.fullmatch(bare):
         return "it counts rows"
-    if HEADER.fullmatch(said):
+    if HEADER.fullmatch(bare):
         return "it belongs to the message's header"
-    field, _, label = said.partition(".")
+    field, _, label = bare.partition(".")
     if not label:
-        field, label = JOINTS, said
+        field, label = JOINTS, bare
     gain, unit = TO_OURS.get(unit or "", 1.0), unit or ""
-    found = None if (field, label) in known or (JOINTS, said) in known else _nested(said, joints)
+    found = None if (field, label) in known or (JOINTS, bare) in known else _nested(bare, joints)
     if isinstance(found, str):
         return found
     field, label, of_message = found or (field, label, 1.0)
     return ColumnMeaning(field, label, gain * of_message, unit)
 
 
-def _nested(said: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str, float] | str | None:
+def _nested(bare: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str, float] | str | None:
     """Field, label, gain; or the reason to leave it out; None when it is not a nested name."""
-    parts, is_path = _parted(said)
+    parts, is_path = _parted(bare)
     found = ARRAY.fullmatch(parts[-1]) if is_path or len(parts) == 1 else None
     if found:
         above = parts[:-1]
@@ -507,11 +507,11 @@ def _nested(said: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str,
         return _field(found[1], above), label, 1.0
     if is_path and len(parts) > 1 and parts[-1] in MEMBERS:
         return _field(parts[-1], parts[:-2]), parts[-2], 1.0
-    message = parts if is_path else said.split(".")
+    message = parts if is_path else bare.split(".")
     of_message = _member(message, is_path)
-    if of_message is not None or said.startswith(("/", "field.")):
+    if of_message is not None or bare.startswith(("/", "field.")):
         return of_message or "this kind of column is not supported"
-    ending = ENDING.fullmatch(said)
+    ending = ENDING.fullmatch(bare)
     if ending and not is_path and ending[1] not in WELL_KNOWN:
         return MEMBERS[ending[2]], ending[1], 1.0
     return None
@@ -531,11 +531,11 @@ def _member(parts: Sequence[str], is_path: bool) -> tuple[str, str, float] | Non
     return None
 
 
-def _parted(said: str) -> tuple[list[str], bool]:
+def _parted(bare: str) -> tuple[list[str], bool]:
     """The parts of a nested name, and whether it is written as one."""
-    if said.startswith("field."):
-        return said.removeprefix("field.").split("."), True
-    return (said.strip("/").split("/"), True) if "/" in said.strip("/") else ([said], said.startswith("/"))
+    if bare.startswith("field."):
+        return bare.removeprefix("field.").split("."), True
+    return (bare.strip("/").split("/"), True) if "/" in bare.strip("/") else ([bare], bare.startswith("/"))
 
 
 def _index(found: re.Match[str]) -> int:
@@ -589,17 +589,17 @@ def find_clock(names: Sequence[str], rows: Sequence[Sequence[str]]) -> TableCloc
     """
     for pattern, only_iso in ((CLOCK, False), (STAMP, False), (UNNAMED, True)):
         for i, name in enumerate(names):
-            said = UNIT.fullmatch(name)
-            found = pattern.fullmatch(said[1] if said else name)
+            split = UNIT.fullmatch(name)
+            found = pattern.fullmatch(split[1] if split else name)
             cells = [row[i] for row in rows if i < len(row) and row[i]]
             is_iso = bool(cells) and parse_iso_time(cells[0]) is not None
             if not found or (only_iso and not is_iso):
                 continue
             if is_iso:
                 return TableClock(i, "iso")
-            told = said[2] if said else found[1] if pattern is CLOCK else None
-            if told or name.startswith("%"):
-                return TableClock(i, told.lower() if told else "ns")
+            unit = split[2] if split else found[1] if pattern is CLOCK else None
+            if unit or name.startswith("%"):
+                return TableClock(i, unit.lower() if unit else "ns")
             return TableClock(i, *_guess_unit(cells))
     return None
 

@@ -121,9 +121,9 @@ def read_transforms(message: Any) -> tuple[list[Transform], dict[str, str]]:
         raise RosMessageError(f"transforms is not a list of at most {MAX_NAMES}")
     found: list[Transform] = []
     left_out: dict[str, str] = {}
-    for i, said in enumerate(transforms):
+    for i, item in enumerate(transforms):
         with _leaving_out(f"transforms[{i}]", left_out):
-            one = _transform(said, left_out)
+            one = _transform(item, left_out)
             if one is not None:
                 found.append(one)
     if not found:
@@ -131,10 +131,10 @@ def read_transforms(message: Any) -> tuple[list[Transform], dict[str, str]]:
     return found, left_out
 
 
-def _transform(said: Any, left_out: dict[str, str]) -> Transform | None:
-    parent = _text(_member(_member(said, "header"), "frame_id"), "frame_id").strip("/")
-    child = _text(_member(said, "child_frame_id"), "child_frame_id").strip("/")
-    pose = _member(said, "transform")
+def _transform(item: Any, left_out: dict[str, str]) -> Transform | None:
+    parent = _text(_member(_member(item, "header"), "frame_id"), "frame_id").strip("/")
+    child = _text(_member(item, "child_frame_id"), "child_frame_id").strip("/")
+    pose = _member(item, "transform")
     x, y, z = _vector(_member(pose, "translation"))
     parts = _quaternion(_member(pose, "rotation"))
     if x is None or y is None or z is None or any(part is None for part in parts):
@@ -146,7 +146,7 @@ def _transform(said: Any, left_out: dict[str, str]) -> Transform | None:
     if not (0 < len(parent) <= NAME_MAX and 0 < len(child) <= NAME_MAX) or parent == child:
         return None
     wxyz = (w / norm, qx / norm, qy / norm, qz / norm)
-    return Transform(parent, child, (x, y, z), wxyz, _stamp(said, left_out))
+    return Transform(parent, child, (x, y, z), wxyz, _stamp(item, left_out))
 
 
 def get_text(message: Any) -> str:
