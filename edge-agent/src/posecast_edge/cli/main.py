@@ -133,7 +133,7 @@ def _run(settings: Settings, console: Console) -> int:
             source.take_joints(raw.joints)
     options = settings.list_model_options()
     if urdf and not built:
-        from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
+        from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the agent stays small without it
 
         if raw is None and isinstance(source, Discovering):
             source.expect_joints()
@@ -141,7 +141,7 @@ def _run(settings: Settings, console: Console) -> int:
         else:
             build = BackgroundBuild(urdf, raw, take_model, options)
     elif isinstance(source, Discovering) and not built:
-        from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
+        from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the agent stays small without it
 
         build = DescribedModel(packages, agent.set_model, agent.expect_model, options)
         source.send_urdf_to(build.take_urdf)

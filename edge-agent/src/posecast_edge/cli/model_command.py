@@ -155,7 +155,7 @@ def _model(
     facts = lost = None
     try:
         from posecast_edge.model.builder.model_files import collect_facts, read_visual_files  # noqa: PLC0415 - an extra
-        from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - the same
+        from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - of that extra
     except ImportError as e:
         lost = find_lost_files(urdf, Resolver(path, packages), robot.meshes)
         text = f"checked only that mesh files exist, not their contents: {_explain_missing(e)}"

@@ -180,7 +180,7 @@ def _count(root: Element) -> int:
     return count
 
 
-# --- a URDF that an SDF includes, as the <model> that would say the same
+# --- a URDF that an SDF includes, as an SDF's <model>
 
 VERSION = "1.11"
 KINDS = {"floating": "ball"}  # which reads the same channels here

@@ -2,7 +2,7 @@
 
     hubo-ach:HOST[:PORT]   from another machine, through achd (port 8076)
     hubo-ach:shm           on the robot's own computer, from shared memory; takes no lock and writes nothing
-    hubo-ach:shm:PATH      the same with another path of the channel's file, for example in a container
+    hubo-ach:shm:PATH      from shared memory whose file has another path, for example in a container
 
 `--profile hubo2plus` or `--profile drchubo` selects the robot, because frames don't identify it. If the
 daemon's clock stops, the source counts as silent even if frames arrive.

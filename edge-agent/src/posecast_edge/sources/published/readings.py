@@ -120,7 +120,7 @@ class ReadingsCopier:
     def _read(self, name: str, label: str, value: object, read: Callable[[object], Reading]) -> Reading:
         try:
             return read(value)
-        except Exception:  # the same
+        except Exception:  # a foreign __float__ or __index__ may raise anything
             wanted = "a number" if read is _number else "a mask or a list of names"
             self._report(f"{name} of {quote(label)} is {_describe(value)}, not {wanted}")
             return None

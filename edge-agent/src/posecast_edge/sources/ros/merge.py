@@ -16,7 +16,7 @@ from posecast_edge.sources.ros.messages import JOINT_STATE, Report
 
 HOLD_S = 0.5  # a clock that advanced this recently is not set by another clock, nor set back
 SETTLE_S = 2.0  # without a profile, each later channel gives viewers a new schema: wait for all of them
-SETTLED_S = 0.5  # the same once everything expected has arrived
+SETTLED_S = 0.5  # how long to wait once everything expected has arrived
 PUBLISHERS_MAX = 256  # combinations of a topic and its labels
 DOUBLES_MAX = 8  # pairs of topics with the same channel that are logged
 LEFT_OUT_MAX = 50  # parts of messages that are logged

@@ -147,7 +147,7 @@ class TransformTree:
         return transform.xyz, transform.wxyz
 
     def _find_chain(self) -> tuple[list[str], list[str]] | None:
-        """Children up from the fixed frame to the nearest common parent, and the same from the base."""
+        """Children up to the nearest common parent: those from the fixed frame, and those from the base."""
         if not self._known and self._base is not None:
             self._known = True
             fixed, base = (self._list_ancestry(name) for name in self._base)
