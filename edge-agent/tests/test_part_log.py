@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from posecast_edge.kit import NAMED_MAX, PART_MAX, PartLog, kind_of
+from posecast_edge.kit import LINE_MAX, NAMED_MAX, PART_MAX, OnceLog, PartLog, kind_of
 
 
 def test_a_part_is_named_once_and_repeats_are_counted_by_powers_of_ten() -> None:
@@ -34,3 +34,18 @@ def test_parts_without_end_are_bounded() -> None:
 def test_a_kind_has_no_numbers() -> None:
     assert kind_of("12 bytes at 0x1F4 of 5") == kind_of("7 bytes at 0x2F9 of 11")
     assert kind_of("name is str") != kind_of("position is str")
+
+
+def test_a_thing_that_is_logged_once_is_not_counted() -> None:
+    logged: list[str] = []
+    log = OnceLog(logged.append)
+    for i in range(3):
+        log.add(f"the base has no pose: {i} frames are missing")
+        log.add(f"knee is {i} mm off", "misfit")
+        log.add(f"{i}\n{'x' * 1000}", "long")
+    assert logged[:2] == ["the base has no pose: 0 frames are missing", "knee is 0 mm off"]
+    assert len(logged) == 3
+    assert logged[2].startswith("0\\nxxx")
+    assert len(logged[2]) == LINE_MAX
+    assert log.has_logged("misfit")
+    assert not log.has_logged("knee")
