@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from posecast_wire.mapping import JOINT, JointMap
+from posecast_wire.schema import JOINT, JointMap
 
 from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
 from posecast_edge.model.urdf.types import Joint, Urdf

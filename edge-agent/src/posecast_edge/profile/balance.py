@@ -7,8 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, cast
 
-from posecast_wire.mapping import CORNERS_MAX, FEET_MAX, GROUNDS, BalanceRule, Ground, SensorMount, Xyz
-from posecast_wire.mapping import Mapping as Meaning
+from posecast_wire.schema import CORNERS_MAX, FEET_MAX, GROUNDS, BalanceRule, Ground, SensorMount, Xyz
+from posecast_wire.schema import Mapping as Meaning
 
 from posecast_edge.visible import quote
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from posecast_wire.mapping import JOINT
+from posecast_wire.schema import JOINT
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import FieldSpec

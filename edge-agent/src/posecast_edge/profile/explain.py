@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from posecast_wire.mapping import Sentence
+from posecast_wire.schema import Sentence
 
 from posecast_edge.profile.types import FieldSpec
 

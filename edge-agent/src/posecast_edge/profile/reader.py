@@ -13,8 +13,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from posecast_wire.mapping import (
+from posecast_wire.checked import SchemaError
+from posecast_wire.schema import (
     ANY,
+    BITS_MAX,
+    CHANNELS_MAX,
+    FIELD_NAME,
     JOINT,
     SENSOR_KINDS,
     SEVERITIES,
@@ -22,8 +26,7 @@ from posecast_wire.mapping import (
     SensorMount,
     Severity,
 )
-from posecast_wire.mapping import Mapping as Meaning
-from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, SchemaError
+from posecast_wire.schema import Mapping as Meaning
 
 from posecast_edge.profile.balance import read_balance
 from posecast_edge.profile.columns import Columns

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from posecast_wire.mapping import ANY, Threshold
+from posecast_wire.schema import ANY, Threshold
 
 from posecast_edge.profile.types import BALANCE, FieldSpec
 
