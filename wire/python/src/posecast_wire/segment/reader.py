@@ -1,8 +1,12 @@
-"""Reads segments. What breaks a rule of SPEC §10 is refused whole, with one line that says what and where."""
+"""Reads segments, and merges those of several takes.
+
+A segment that breaks a rule of SPEC §10 is refused whole, with one line that says what and where.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from posecast_wire.frame import FRAME_BYTES_MAX
@@ -13,6 +17,30 @@ from posecast_wire.segment.byte_reader import HASH_BYTES, ByteReader
 from posecast_wire.segment.envelope import open_envelope
 from posecast_wire.segment.frame_chain import SEQS, FrameChain
 from posecast_wire.segment.records import Record, Segment, SegmentError, SegmentStart, refuse
+
+
+class MergedFrame(NamedTuple):
+    """A frame of a run. `unix_us`: when it was accepted, µs since 1970; `late_us`: its lateness then, µs."""
+
+    unix_us: int
+    late_us: int
+    seq: int
+    frame: bytes
+
+
+@dataclass(frozen=True)
+class MergedRun:
+    """The frames of one run, each once, in the order of their numbers."""
+
+    run_id: int
+    frames: tuple[MergedFrame, ...]
+
+    @property
+    def missing(self) -> int:
+        """How many frames are missing between the first and the last one."""
+        if not self.frames:
+            return 0
+        return (self.frames[-1].seq - self.frames[0].seq) % SEQS + 1 - len(self.frames)
 
 
 class _Header(NamedTuple):
@@ -45,6 +73,20 @@ def read_until_frame(data: bytes) -> tuple[SegmentStart, list[Record]]:
         if isinstance(record, of.FrameRecord):
             break
     return header.start, records
+
+
+def merge_segments(segments: Iterable[Segment]) -> tuple[MergedRun, ...]:
+    """Merge the frames of segments of one robot and view by run and number; runs in the order of their
+    beginning. What several segments have is taken from the one that begins first."""
+    runs: dict[int, dict[int, MergedFrame]] = {}
+    for segment in sorted(segments, key=lambda each: each.start.from_ms):
+        if not segment.frames:
+            continue
+        found = runs.setdefault(segment.start.run_id, {})
+        for record in segment.frames:
+            unix_us = 1000 * segment.start.from_ms + record.at_us
+            found.setdefault(record.seq, MergedFrame(unix_us, record.late_us, record.seq, record.frame))
+    return tuple(MergedRun(run_id, _sort_frames(list(found.values()))) for run_id, found in runs.items())
 
 
 def _read_header(r: ByteReader) -> _Header:
@@ -168,3 +210,9 @@ def _check_frames(header: _Header, chain: FrameChain) -> None:
     if (header.first_seq, header.last_seq) != (chain.first_seq, chain.last_seq):
         said = f"frames {header.first_seq} to {header.last_seq} said"
         refuse("header", f"{said}, {chain.first_seq} to {chain.last_seq} there")
+
+
+def _sort_frames(frames: list[MergedFrame]) -> tuple[MergedFrame, ...]:
+    """In the order of their numbers, which go round: a run lasts for less than half a round."""
+    middle = frames[0].seq - SEQS // 2
+    return tuple(sorted(frames, key=lambda frame: (frame.seq - middle) % SEQS))
