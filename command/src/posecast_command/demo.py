@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from posecast_wire.command_line.color import print_error
 from posecast_wire.command_line.parser import WRONG_ARGUMENTS, CommandParser
+from posecast_wire.command_line.terminal import print_error
 
 from posecast_command.local_relay import STATUSES, add_place_flags, read_place, show_robot
 from posecast_command.ports import PortError

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from posecast_relay.config.built_page import CHECKOUT, find_page
 from posecast_relay.port_holder import name_holder
-from posecast_wire.command_line.color import paint, print_error
+from posecast_wire.command_line.terminal import paint, print_error
 
 from posecast_command.link import (
     draw_qr,

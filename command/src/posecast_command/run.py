@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from posecast_edge.cli.settings import UsageError, add_run_flags, parse_settings
-from posecast_wire.command_line.color import print_error
 from posecast_wire.command_line.parser import WRONG_ARGUMENTS, CommandParser
+from posecast_wire.command_line.terminal import print_error
 from posecast_wire.keys import check_name
 
 from posecast_command.local_relay import ROBOTS_HOST, STATUSES, add_place_flags, read_place, show_robot

@@ -5,14 +5,26 @@ from __future__ import annotations
 import importlib.metadata
 import io
 import json
+import subprocess
+import sys
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_wire.command_line.color import paint, print_error, wants_color
 from posecast_wire.command_line.installation import advise_extra, find_version
 from posecast_wire.command_line.parser import CommandParser, suggest
+from posecast_wire.command_line.terminal import paint, print_error, wants_color
+
+PRINTS_BOTH = """
+import os, sys
+from posecast_wire.command_line.terminal import open_closed_streams
+open_closed_streams()
+print("to stdout")
+print("to stderr", file=sys.stderr)
+assert sys.stdin.read() == ""
+os._exit(min(os.open("/dev/null", os.O_RDONLY), 3))
+"""
 
 
 class Terminal(io.StringIO):
@@ -49,6 +61,17 @@ def test_a_closed_stream_wants_none(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not wants_color(None, {"FORCE_COLOR": "1"})
     monkeypatch.setattr("sys.stderr", out)
     print_error("p", "nobody reads it")
+
+
+@pytest.mark.parametrize("closed", ["", "<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_leads_nowhere_and_no_file_takes_its_place(closed: str) -> None:
+    command = ["bash", "-c", f'exec "$0" -c "$1" {closed}', sys.executable, PRINTS_BOTH]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    assert (ended.stdout, ended.stderr) == (
+        "" if ">&-" in closed.replace("2>&-", "") else "to stdout\n",
+        "" if "2>&-" in closed else "to stderr\n",
+    )
+    assert ended.returncode == 3
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
 from posecast_wire.checked import SchemaError
-from posecast_wire.command_line.standard_streams import open_closed_streams
+from posecast_wire.command_line.terminal import open_closed_streams
 
 from posecast_edge.cli.console import Console
 from posecast_edge.cli.robot_flags import list_packages

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import takewhile
 from typing import Any, NoReturn, TypeVar
 
-from posecast_wire.command_line.color import paint, wants_color
+from posecast_wire.command_line.terminal import paint, wants_color
 
 N = TypeVar("N")
 

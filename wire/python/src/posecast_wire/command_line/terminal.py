@@ -1,4 +1,4 @@
-"""Decides whether to use colours: on a terminal, and by NO_COLOR (https://no-color.org) and FORCE_COLOR."""
+"""What a program writes to: its standard streams, and colours and errors on a terminal."""
 
 from __future__ import annotations
 
@@ -11,8 +11,22 @@ from typing import TextIO
 STYLES = {"bold": "1", "red": "31", "yellow": "33", "green": "32", "cyan": "36"}
 
 
+def open_closed_streams() -> None:
+    """Open /dev/null for each closed stream.
+
+    Otherwise the next file or socket to be opened would become stderr, and sys.stderr would be None.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) < 3:  # the lowest that is free
+        pass
+    os.close(number)
+    sys.stdin = sys.stdin or os.fdopen(0, closefd=False)
+    sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
+    sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
+
+
 def wants_color(out: TextIO | None, environment: Mapping[str, str] | None = None) -> bool:
-    """Whether text written to `out` should be coloured. False if `out` is None, like a closed sys.stderr.
+    """Whether text written to `out` should be coloured: on a terminal, unless NO_COLOR (https://no-color.org)
+    or FORCE_COLOR says otherwise. False if `out` is None, like a closed sys.stderr.
 
     `environment`: None means that of the process.
     """
