@@ -13,8 +13,8 @@ from contextlib import redirect_stderr, redirect_stdout
 from importlib.metadata import version
 
 import pytest
+from posecast_command.local_relay import PAGE_PORT
 from posecast_command.main import main
-from posecast_command.ports import PAGE_PORT
 from posecast_command.programs import EDGE, RELAY, make_parser
 from posecast_edge.sources.registry import split_spec
 

@@ -13,9 +13,8 @@ from posecast_relay.config import settings as relay
 from posecast_relay.past_command import convert
 from posecast_relay.past_command import main as past
 
-from posecast_command.demo import make_demo_parser
 from posecast_command.programs import make_parser
-from posecast_command.run import make_run_parser
+from posecast_command.run import make_demo_parser, make_run_parser
 
 FOLDERS = ("DIR",)  # metavars of flags that take a folder; FILES: of flags that take a file
 FILES = ("FILE", "URDF", "PROFILE", "CREDENTIAL", "TLS_CERT", "TLS_KEY", "TLS_CA")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import socket
 import subprocess
 import sys
 import time
@@ -24,9 +26,10 @@ from posecast_command.link import (
     name_local_host,
     open_browser,
 )
-from posecast_command.ports import PAGE_PORT, ROBOTS_PORT, PortError, find_free_port, is_taken
 from posecast_command.processes import Processes, name_program
 
+PAGE_PORT, ROBOTS_PORT = 8080, 7447  # or the next free ones
+PORTS_SEARCHED = 100  # for a free one
 ROBOTS_HOST = "127.0.0.1"  # without credentials a robot is on this machine
 START_S = 30.0  # for the relay
 SHOWN_S = 30.0  # then a line says that the robot is still starting
@@ -38,6 +41,10 @@ STATUSES = {
     FAILED: "the relay or the robot's agent failed",
     NOT_STARTED: "wrong arguments, or the relay or agent can't start",
 }
+
+
+class PortError(Exception):
+    """No port is free. The message is one line."""
 
 
 @dataclass(frozen=True)
@@ -170,6 +177,26 @@ def _choose_port(place: Place) -> int:
     if is_taken(place.host, place.port):
         raise PortError(f"port {place.port} is in use by {name_holder(place.port) or 'another program'}")
     return place.port
+
+
+def is_taken(host: str, port: int) -> bool:
+    """Whether another program listens on this port of `host`, an address or a name."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as e:
+            return e.errno == errno.EADDRINUSE  # the relay reports any other problem
+    return False
+
+
+def find_free_port(host: str, first: int) -> int:
+    """The first free port from `first` on. Raises PortError when the first PORTS_SEARCHED are in use."""
+    for port in range(first, first + PORTS_SEARCHED):
+        if not is_taken(host, port):
+            return port
+    raise PortError(f"ports {first} to {first + PORTS_SEARCHED - 1} of {host} are all in use")
 
 
 def _answers(url: str) -> bool:

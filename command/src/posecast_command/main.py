@@ -59,7 +59,7 @@ def _command(argv: Sequence[str]) -> int:
             run_relay(argv[1:], "posecast relay")
         run_relay(argv, "posecast")
     if first == "demo":
-        from posecast_command.demo import run_demo  # noqa: PLC0415
+        from posecast_command.run import run_demo  # noqa: PLC0415
 
         return run_demo(argv[1:], os.environ)
     if first == "run":
