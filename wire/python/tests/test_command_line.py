@@ -96,7 +96,7 @@ def make_parser() -> CommandParser:
 
 
 @pytest.mark.parametrize(
-    ("argv", "said"),
+    ("argv", "start"),
     [
         (["rnu"], "p: unknown command 'rnu' (did you mean run?): one of run\n"),
         (["run", "--prot", "1"], "p run: unrecognized arguments: --prot (did you mean --port?)\n"),
@@ -111,14 +111,14 @@ def make_parser() -> CommandParser:
     ],
 )
 def test_a_mistake_is_one_line_and_status_2(
-    argv: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    argv: list[str], start: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
         make_parser().parse_args(argv)
     assert ended.value.code == 2
-    told = capsys.readouterr().err
-    assert told.startswith(said)
-    assert told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert message.startswith(start)
+    assert message.count("\n") == 1
 
 
 def test_abbreviations_and_what_stands_behind_two_dashes_are_no_mistakes() -> None:
@@ -139,8 +139,8 @@ def test_an_abbreviation_that_is_not_taken_is_a_mistake(capsys: pytest.CaptureFi
 
 def test_help_lists_the_exit_statuses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
-    told = make_parser().format_help().partition("\nexit status:\n")[2]
-    assert [line.split() for line in told.splitlines()] == [["0", "done"], ["3", "no"]]
+    statuses = make_parser().format_help().partition("\nexit status:\n")[2]
+    assert [line.split() for line in statuses.splitlines()] == [["0", "done"], ["3", "no"]]
     monkeypatch.delenv("NO_COLOR")
     monkeypatch.setenv("FORCE_COLOR", "1")
     assert "\x1b[1musage\x1b[0m:" in make_parser().format_help()

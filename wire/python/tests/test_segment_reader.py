@@ -31,10 +31,10 @@ Came = tuple[Schema, list[Arrival]]
 def refusal(data: bytes) -> str:
     with pytest.raises(SegmentError) as caught:
         decode_segment(data)
-    said = str(caught.value)
-    assert said.isprintable()
-    assert len(said) < 400
-    return said
+    message = str(caught.value)
+    assert message.isprintable()
+    assert len(message) < 400
+    return message
 
 
 def small() -> bytes:

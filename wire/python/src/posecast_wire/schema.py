@@ -408,8 +408,8 @@ def _at_least_zero(value: object, where: str) -> float:
 
 def _sentences(entries: Iterator[tuple[str, object, str]]) -> dict[str, dict[str, dict[str, Sentence]]]:
     found = {name: _each(bits, at, _by_language) for name, bits, at in entries}
-    told = (s for bits in found.values() for of in bits.values() for s in of.values())
-    if sum(len(s.say.encode()) + len((s.why or "").encode()) for s in told) > SENTENCES_BYTES_MAX:
+    sentences = (s for bits in found.values() for by_language in bits.values() for s in by_language.values())
+    if sum(len(s.say.encode()) + len((s.why or "").encode()) for s in sentences) > SENTENCES_BYTES_MAX:
         fail("mapping.explain", f"more than {SENTENCES_BYTES_MAX} bytes of sentences in all")
     return found
 

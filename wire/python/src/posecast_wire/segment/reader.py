@@ -52,7 +52,7 @@ class _Header(NamedTuple):
 
 
 def decode_segment(data: bytes) -> Segment:
-    """Decode a segment. Records of unknown kinds are passed over. Raises SegmentError when it is invalid."""
+    """Decode a segment. Records of unknown kinds are skipped. Raises SegmentError when it is invalid."""
     envelope = open_envelope(data, of.MAGIC, of.SEGMENT_VERSION, "segment")
     header = _read_header(envelope.header)
     chain = FrameChain()
@@ -62,9 +62,8 @@ def decode_segment(data: bytes) -> Segment:
 
 
 def read_until_frame(data: bytes) -> tuple[SegmentStart, list[Record]]:
-    """What is known of a segment when it begins, and its records up to the first frame, which is the last of
-    them; all of them if there is none. What stands behind is looked at for damage only. Raises SegmentError
-    as far as it sees that the segment is invalid."""
+    """Return the start of a segment, and its records up to and including the first frame; all of them if
+    there is no frame. Of the rest only the checksum is checked. Raises SegmentError."""
     envelope = open_envelope(data, of.MAGIC, of.SEGMENT_VERSION, "segment")
     header = _read_header(envelope.header)
     records: list[Record] = []
@@ -166,7 +165,7 @@ def _read_records(r: ByteReader, count: int, duration_ms: int, chain: FrameChain
 
 
 def _read_record(r: ByteReader, kind: int, at_us: int, chain: FrameChain) -> Record | None:
-    """The record whose content lies from `r.at` to `r.end`; None of an unknown kind."""
+    """The record with its content from `r.at` to `r.end`; None if its kind is unknown."""
     start, size = r.at, r.end - r.at
     record: Record | None = None
     try:
@@ -179,8 +178,8 @@ def _read_record(r: ByteReader, kind: int, at_us: int, chain: FrameChain) -> Rec
             chain.add_copy(frame)
             return of.CopyRecord(at_us, frame)
     except SegmentError as e:
-        said = str(e)
-        raise SegmentError(said if said.startswith("byte ") else f"byte {start}: {said}") from None
+        reason = str(e)
+        raise SegmentError(reason if reason.startswith("byte ") else f"byte {start}: {reason}") from None
     if kind == of.EVENT:
         record = of.EventRecord(at_us, r.take_utf8("event", _checked(r, "event", size, of.EVENT_BYTES_MAX)))
     elif kind == of.INFO:
@@ -208,11 +207,11 @@ def _check_frames(header: _Header, chain: FrameChain) -> None:
     if header.frames != chain.count:
         refuse("header", f"{header.frames} frames said, {chain.count} there")
     if (header.first_seq, header.last_seq) != (chain.first_seq, chain.last_seq):
-        said = f"frames {header.first_seq} to {header.last_seq} said"
-        refuse("header", f"{said}, {chain.first_seq} to {chain.last_seq} there")
+        named = f"frames {header.first_seq} to {header.last_seq} said"
+        refuse("header", f"{named}, {chain.first_seq} to {chain.last_seq} there")
 
 
 def _sort_frames(frames: list[MergedFrame]) -> tuple[MergedFrame, ...]:
-    """In the order of their numbers, which go round: a run lasts for less than half a round."""
+    """Sort by number. Numbers wrap around, but a run is shorter than half of their range."""
     middle = frames[0].seq - SEQS // 2
     return tuple(sorted(frames, key=lambda frame: (frame.seq - middle) % SEQS))
