@@ -85,7 +85,7 @@ def test_what_answers_when_ours_has_ended_is_not_ours(relay: Relay) -> None:
 
 
 @pytest.mark.parametrize(
-    ("relay_does", "agent_does", "status", "said"),
+    ("relay_does", "agent_does", "status", "printed"),
     [
         ("pass", None, FAILED, "posecast: the relay has ended\n"),
         ("import os; os.kill(os.getpid(), 9)", None, FAILED, "posecast: the relay was killed by signal 9\n"),
@@ -95,7 +95,11 @@ def test_what_answers_when_ours_has_ended_is_not_ours(relay: Relay) -> None:
     ],
 )
 def test_an_end_that_nobody_else_explains_is_explained(
-    relay_does: str | None, agent_does: str | None, status: int, said: str, capsys: pytest.CaptureFixture[str]
+    relay_does: str | None,
+    agent_does: str | None,
+    status: int,
+    printed: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     with Processes() as processes:
         relay, agent = (
@@ -104,7 +108,7 @@ def test_an_end_that_nobody_else_explains_is_explained(
         )
         (agent if relay_does is None else relay).wait()
         assert explain_end(relay, agent) == status
-    assert capsys.readouterr().err == said
+    assert capsys.readouterr().err == printed
 
 
 def test_a_taken_port_is_passed_over() -> None:
