@@ -26,19 +26,19 @@ def make_whole_parser() -> argparse.ArgumentParser:
     models = _commands(model_command.make_parser())
     profile, probing = profile_new.make_parser(), probe.make_parser()
     agent, serving = edge.make_parser({}), relay.make_parser("posecast relay")
-    parts = {"model": models["model"], "doctor": models["doctor"], "probe": probing, "profile": profile}
-    kept = {
+    of_edge = {"model": models["model"], "doctor": models["doctor"], "probe": probing, "profile": profile}
+    of_relay = {
         "robots": robots_arguments.make_robots_parser({}),
         "past": past.make_past_parser({}),
         "convert": convert.make_convert_parser(),
     }
-    _commands(agent).update(parts)
-    _commands(serving).update(kept)
+    _commands(agent).update(of_edge)
+    _commands(serving).update(of_relay)
     whole = make_parser()
     _commands(whole).update(
         {"demo": make_demo_parser(), "run": make_run_parser({}), "edge": agent, "relay": serving}
     )
-    _commands(whole).update(parts | kept)
+    _commands(whole).update(of_edge | of_relay)
     return whole
 
 

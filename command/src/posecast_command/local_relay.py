@@ -31,6 +31,7 @@ from posecast_command.processes import Processes, name_program
 PAGE_PORT, ROBOTS_PORT = 8080, 7447  # or the next free ones
 PORTS_SEARCHED = 100  # for a free one
 ROBOTS_HOST = "127.0.0.1"  # without credentials a robot is on this machine
+PAGE_FOLDER = "POSECAST_STATIC"  # in a checkout the page is not inside the relay
 START_S = 30.0  # for the relay
 SHOWN_S = 30.0  # then a line says that the robot is still starting
 SERVES = b": serving http"
@@ -95,10 +96,10 @@ def show_robot(
             if found is None:
                 return NOT_STARTED
             relay, port, uplink = found
-            words = [*agent, "--robot", robot, "--relay", uplink]
-            process = processes.start(name_program(*words), environment=environment)
+            arguments = [*agent, "--robot", robot, "--relay", uplink]
+            process = processes.start(name_program(*arguments), environment=environment)
             local = f"http://{name_local_host(place.host)}:{port}"
-            has_page = bool(environment.get("POSECAST_STATIC") or find_page())
+            has_page = bool(environment.get(PAGE_FOLDER) or find_page())
             path = f"/#/r/{robot}" if has_page else f"/api/v1/robots/{robot}/state"
             if wait_until_shown(f"{local}/api/v1/robots/{robot}/state", robot, processes):
                 if not has_page:

@@ -13,6 +13,7 @@ from posecast_wire.command_line.terminal import print_error
 from posecast_wire.keys import check_name
 
 from posecast_command.local_relay import (
+    PAGE_FOLDER,
     ROBOTS_HOST,
     STATUSES,
     PortError,
@@ -24,7 +25,6 @@ from posecast_command.local_relay import (
 PROGRAM = "posecast"
 NAMELESS = "robot"
 DEMO = "demo"
-PAGE_FOLDER = "POSECAST_STATIC"  # in a checkout the page is not inside the relay
 # flags for a relay elsewhere: with any of them, none is started here
 ELSEWHERE = ("relay", "credential", "tls_cert", "tls_key", "tls_ca")
 
@@ -75,7 +75,7 @@ def run_robot(argv: Sequence[str], environment: Mapping[str, str]) -> int:
 def make_demo_parser() -> CommandParser:
     """The parser of `posecast demo`."""
     parser = CommandParser(
-        prog="posecast demo",
+        prog=f"{PROGRAM} demo",
         description="Show a demo robot. This starts a relay, which serves the page, and "
         "the robot's agent, prints the link, and opens it in your browser. Ctrl-C stops both.",
         statuses=STATUSES,
@@ -94,7 +94,7 @@ def run_demo(argv: Sequence[str], environment: Mapping[str, str]) -> int:
     try:
         return show_robot(DEMO, agent, read_place(args), ours, browser=not args.no_browser)
     except PortError as e:
-        print_error("posecast demo", str(e))
+        print_error(f"{PROGRAM} demo", str(e))
         return WRONG_ARGUMENTS
 
 

@@ -47,18 +47,25 @@ class Terminal(io.StringIO):
     ],
 )
 def test_colour_is_for_terminals_that_want_it(
-    environment: dict[str, str], terminal: bool, colored: bool
+    environment: dict[str, str], terminal: bool, colored: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    for name in ("NO_COLOR", "FORCE_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
     out = Terminal() if terminal else io.StringIO()
-    assert wants_color(out, environment) is colored
-    assert paint("x", "red", out, environment) == ("\x1b[31mx\x1b[0m" if colored else "x")
+    assert wants_color(out) is colored
+    assert paint("x", "red", out) == ("\x1b[31mx\x1b[0m" if colored else "x")
 
 
 def test_a_closed_stream_wants_none(monkeypatch: pytest.MonkeyPatch) -> None:
     out = io.StringIO()
     out.close()
-    assert not wants_color(out, {})
-    assert not wants_color(None, {"FORCE_COLOR": "1"})
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert not wants_color(None)
+    monkeypatch.delenv("FORCE_COLOR")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert not wants_color(out)
     monkeypatch.setattr("sys.stderr", out)
     print_error("p", "nobody reads it")
 

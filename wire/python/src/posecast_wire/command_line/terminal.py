@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
 from contextlib import suppress
 from typing import TextIO
 
-STYLES = {"bold": "1", "red": "31", "yellow": "33", "green": "32", "cyan": "36"}
+STYLES = {"bold": "1", "red": "31", "yellow": "33"}
 
 
 def open_closed_streams() -> None:
@@ -24,28 +23,24 @@ def open_closed_streams() -> None:
     sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
 
 
-def wants_color(out: TextIO | None, environment: Mapping[str, str] | None = None) -> bool:
+def wants_color(out: TextIO | None) -> bool:
     """Whether text written to `out` should be coloured: on a terminal, unless NO_COLOR (https://no-color.org)
-    or FORCE_COLOR says otherwise. False if `out` is None, like a closed sys.stderr.
-
-    `environment`: None means that of the process.
-    """
+    or FORCE_COLOR says otherwise. False if `out` is None, like a closed sys.stderr."""
     if out is None:
         return False
-    known = os.environ if environment is None else environment
-    if known.get("NO_COLOR"):
+    if os.environ.get("NO_COLOR"):
         return False
-    if known.get("FORCE_COLOR"):
+    if os.environ.get("FORCE_COLOR"):
         return True
     try:
-        return out.isatty() and known.get("TERM") != "dumb"
+        return out.isatty() and os.environ.get("TERM") != "dumb"
     except ValueError:  # closed
         return False
 
 
-def paint(text: str, style: str, out: TextIO | None, environment: Mapping[str, str] | None = None) -> str:
+def paint(text: str, style: str, out: TextIO | None) -> str:
     """Return `text` in one of STYLES if `out` should be coloured, otherwise unchanged."""
-    return f"\x1b[{STYLES[style]}m{text}\x1b[0m" if wants_color(out, environment) else text
+    return f"\x1b[{STYLES[style]}m{text}\x1b[0m" if wants_color(out) else text
 
 
 def print_error(program: str, text: str) -> None:
