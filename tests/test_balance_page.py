@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from posecast_edge.profile.reader import ProfileError, parse_profile
 from posecast_edge.profile.schema import make_schema_text
-from posecast_wire.mapping import Threshold
-from posecast_wire.schema import Schema
+from posecast_wire.schema import Schema, Threshold
 
 pytestmark = pytest.mark.docs
 

@@ -39,7 +39,7 @@ async def test_from_achd_to_the_viewer(stack: Any, name: str) -> None:
     from achd_stage import Achd
     from hubo_stage import Walker
     from posecast_edge.profile.reader import find_profile, load_profile
-    from posecast_wire.mapping import compute_joint_values
+    from posecast_wire.schema import compute_joint_values
 
     profile = load_profile(find_profile(name))
     server = Achd()

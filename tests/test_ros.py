@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_wire.mapping import compute_joint_values
+from posecast_wire.schema import compute_joint_values
 
 EDGE_TESTS = Path(__file__).parents[1] / "edge-agent" / "tests"
 SHARED = Path(os.environ.get("POSECAST_SHARED", Path(__file__).parents[2] / "shared"))

@@ -6,7 +6,7 @@ import os
 import sys
 from pathlib import Path
 
-from posecast_command.ports import PAGE_PORT, find_free_port
+from posecast_command.local_relay import PAGE_PORT, find_free_port
 from posecast_command.processes import Processes, name_program
 
 ROOT = Path(__file__).resolve().parent.parent

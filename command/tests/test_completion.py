@@ -39,14 +39,14 @@ def test_the_line_of_the_docs_makes_the_shell_complete(shell: str, script: str, 
     if program is None:
         pytest.skip(f"no {shell} here")
     no_settings = {"zsh": "-f", "fish": "--no-config"}[shell]
-    told = subprocess.run(
+    done = subprocess.run(
         [program, no_settings, "-c", script],
         env={**os.environ, "SCRIPT": make_script(shell)},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert (told.stdout.strip(), told.stderr) == (answer, "")
+    assert (done.stdout.strip(), done.stderr) == (answer, "")
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_bash_completes(line: str, words: set[str], tmp_path: Path) -> None:
         f"{make_script('bash')}\nCOMP_WORDS=({words_typed}); COMP_CWORD={len(typed) - 1}\n"
         '_shtab_posecast; printf "%s\\n" "${COMPREPLY[@]}"\n'
     )
-    told = subprocess.run(
+    offered = subprocess.run(
         ["bash", "-c", script], capture_output=True, text=True, check=True, cwd=tmp_path
     ).stdout.split()
-    assert words <= set(told)
+    assert words <= set(offered)

@@ -1,14 +1,24 @@
-"""What is said of a robot before it is there, and of a process that has ended."""
+"""The port of the page, and what is printed of a robot before it is there and of a process that has ended."""
 
 from __future__ import annotations
 
+import socket
 import sys
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
 
 import pytest
-from posecast_command.local_relay import FAILED, SHOWN_S, explain_end, wait_until_shown
+from posecast_command import local_relay
+from posecast_command.local_relay import (
+    FAILED,
+    SHOWN_S,
+    PortError,
+    explain_end,
+    find_free_port,
+    is_taken,
+    wait_until_shown,
+)
 from posecast_command.processes import Processes
 
 SLEEP = [sys.executable, "-c", "import time; time.sleep(60)"]
@@ -75,7 +85,7 @@ def test_what_answers_when_ours_has_ended_is_not_ours(relay: Relay) -> None:
 
 
 @pytest.mark.parametrize(
-    ("relay_does", "agent_does", "status", "said"),
+    ("relay_does", "agent_does", "status", "printed"),
     [
         ("pass", None, FAILED, "posecast: the relay has ended\n"),
         ("import os; os.kill(os.getpid(), 9)", None, FAILED, "posecast: the relay was killed by signal 9\n"),
@@ -85,7 +95,11 @@ def test_what_answers_when_ours_has_ended_is_not_ours(relay: Relay) -> None:
     ],
 )
 def test_an_end_that_nobody_else_explains_is_explained(
-    relay_does: str | None, agent_does: str | None, status: int, said: str, capsys: pytest.CaptureFixture[str]
+    relay_does: str | None,
+    agent_does: str | None,
+    status: int,
+    printed: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     with Processes() as processes:
         relay, agent = (
@@ -94,4 +108,29 @@ def test_an_end_that_nobody_else_explains_is_explained(
         )
         (agent if relay_does is None else relay).wait()
         assert explain_end(relay, agent) == status
-    assert capsys.readouterr().err == said
+    assert capsys.readouterr().err == printed
+
+
+def test_a_taken_port_is_passed_over() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert is_taken("127.0.0.1", port)
+        assert find_free_port("127.0.0.1", port) > port
+    assert not is_taken("127.0.0.1", port)
+
+
+def test_a_listener_on_all_addresses_has_the_port_too() -> None:
+    with socket.create_server(("0.0.0.0", 0)) as taken:
+        assert is_taken("127.0.0.1", taken.getsockname()[1])
+
+
+def test_there_is_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_relay, "PORTS_SEARCHED", 1)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(PortError, match=f"^ports {port} to {port} of 127.0.0.1 are all in use$"):
+            find_free_port("127.0.0.1", port)
+
+
+def test_a_host_that_is_not_of_this_machine_is_left_to_the_relay() -> None:
+    assert not is_taken("192.0.2.1", 8080)

@@ -13,8 +13,8 @@ from contextlib import redirect_stderr, redirect_stdout
 from importlib.metadata import version
 
 import pytest
+from posecast_command.local_relay import PAGE_PORT
 from posecast_command.main import main
-from posecast_command.ports import PAGE_PORT
 from posecast_command.programs import EDGE, RELAY, make_parser
 from posecast_edge.sources.registry import split_spec
 
@@ -52,9 +52,9 @@ def posecast(*argv: str) -> subprocess.CompletedProcess[str]:
     ],
 )
 def test_help_is_of_the_name_that_was_typed(argv: tuple[str, ...], usage: str) -> None:
-    told = posecast(*argv, "--help")
-    assert told.stdout.startswith(f"usage: {usage} ")
-    assert (told.returncode, told.stderr) == (0, "")
+    done = posecast(*argv, "--help")
+    assert done.stdout.startswith(f"usage: {usage} ")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("argv", [(), ("demo",), ("run",)])
@@ -99,9 +99,9 @@ def test_a_mistake_is_one_line_of_the_name_that_was_typed(argv: tuple[str, ...],
 
 
 @pytest.mark.parametrize("argv", [("completion", "bash"), ("--help",)])
-@pytest.mark.parametrize(("stdout", "said"), [(None, ""), ("/dev/full", "No space left on device")])
+@pytest.mark.parametrize(("stdout", "reason"), [(None, ""), ("/dev/full", "No space left on device")])
 def test_output_that_cannot_be_written_is_no_traceback(
-    argv: tuple[str, ...], stdout: str | None, said: str
+    argv: tuple[str, ...], stdout: str | None, reason: str
 ) -> None:
     """None: a pipe that nobody reads."""
     read, out = (os.open(stdout, os.O_WRONLY),) * 2 if stdout else os.pipe()
@@ -114,7 +114,7 @@ def test_output_that_cannot_be_written_is_no_traceback(
     )
     os.close(out)
     assert ended.returncode == 1
-    assert ended.stderr == (f"posecast: stdout: {said}\n" if said else "")
+    assert ended.stderr == (f"posecast: stdout: {reason}\n" if reason else "")
 
 
 def test_the_version_is_the_installed_one() -> None:

@@ -15,8 +15,8 @@ SLEEP = [sys.executable, "-c", "import time; time.sleep(60)"]
 @pytest.mark.parametrize(("word", "found"), [(b"posecast ", True), (b"serving", False)])
 def test_a_program_is_there_when_it_says_so(word: bytes, found: bool) -> None:
     with Processes() as processes:
-        _, said = processes.start_until(name_program("--version"), word, 60.0, os.environ)
-    assert said is found
+        _, was_written = processes.start_until(name_program("--version"), word, 60.0, os.environ)
+    assert was_written is found
 
 
 def test_all_are_ended() -> None:

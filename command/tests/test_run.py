@@ -38,9 +38,9 @@ def test_flags_of_a_relay_here_do_not_go_with_one_elsewhere(
     flags: list[str], named: str, place: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_robot(["--source", "demo", *flags, *place], {}) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("posecast run: --host, --port and --no-browser are for a relay started here")
-    assert said.endswith(f"{named} is for a relay elsewhere; give one kind\n")
+    printed = capsys.readouterr().err
+    assert printed.startswith("posecast run: --host, --port and --no-browser are for a relay started here")
+    assert printed.endswith(f"{named} is for a relay elsewhere; give one kind\n")
 
 
 def test_a_robot_at_a_relay_elsewhere_needs_a_name() -> None:
@@ -59,6 +59,6 @@ def test_a_robot_at_a_relay_elsewhere_needs_a_name() -> None:
     assert "required: --robot, or a --credential that names it" in done.stderr
 
 
-def test_what_the_agent_will_refuse_is_told_first(capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_the_agent_will_refuse_is_refused_first(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_robot(["--source", "demo", "--urdf", "a", "--model", "b"], {}) == 2
     assert capsys.readouterr().err == "posecast run: give --urdf or --model, not both\n"

@@ -12,8 +12,7 @@ from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.profile.reader import ProfileError, parse_profile
 from posecast_edge.profile.schema import make_schema_text
-from posecast_wire.mapping import BalanceRule, Mapping, Threshold
-from posecast_wire.schema import Schema
+from posecast_wire.schema import BalanceRule, Mapping, Schema, Threshold
 
 SOLE = "[[0.1, 0.05, 0], [-0.1, 0.05, 0], [0, -0.05, 0]]"
 SENSORS = """

@@ -25,8 +25,8 @@ from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
-from posecast_wire.mapping import JointMap, SensorMount
-from posecast_wire.mapping import Mapping as Meaning
+from posecast_wire.schema import JointMap, SensorMount
+from posecast_wire.schema import Mapping as Meaning
 from shared_stage import ROBOTS, shared_robot
 
 A, B, C = link("a"), link("b"), link("c")

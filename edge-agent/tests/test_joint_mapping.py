@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 from posecast_edge.profile.joint_mapping import TermError, resolve_entries
-from posecast_wire.mapping import JointMap
+from posecast_wire.schema import JointMap
 
 
 def joint(*terms: tuple[str, float], offset: float = 0.0) -> JointMap:

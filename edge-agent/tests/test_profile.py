@@ -7,8 +7,7 @@ import pytest
 from edge_stage import PROFILE
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile, parse_profile
 from posecast_edge.profile.schema import make_schema_text
-from posecast_wire.mapping import JointMap, SensorMount, Sentence, Threshold
-from posecast_wire.schema import Schema
+from posecast_wire.schema import JointMap, Schema, SensorMount, Sentence, Threshold
 from settings_parsers import BASE, VIEWS
 
 

@@ -29,7 +29,6 @@ from posecast_wire.checked import loads
 from posecast_wire.credential import SECRET
 from posecast_wire.frame import TAG_KEY
 from posecast_wire.key_page import decode_key_page, pick_pose
-from posecast_wire.mapping import JointMap, Mapping, SensorMount, Threshold
 from posecast_wire.recording import (
     RecordingError,
     decode_recording,
@@ -37,6 +36,7 @@ from posecast_wire.recording import (
     pack_segment,
     unpack_segment,
 )
+from posecast_wire.schema import JointMap, Mapping, SensorMount, Threshold
 from posecast_wire.segment import SegmentError, decode_segment, encode_segment
 from posecast_wire.segment.envelope import PREFIX, TAIL
 from posecast_wire.segment.records import MAGIC

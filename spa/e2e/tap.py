@@ -18,7 +18,7 @@ import zenoh
 from posecast_wire.decoder import Decoder, Frame
 from posecast_wire.frame import BaseUnknown, FrameError
 from posecast_wire.keys import Snapshot, frame_key, snapshot_key
-from posecast_wire.mapping import compute_joint_values
+from posecast_wire.schema import compute_joint_values
 
 VIEW = "public"
 

@@ -13,9 +13,8 @@ from posecast_relay.config import settings as relay
 from posecast_relay.past_command import convert
 from posecast_relay.past_command import main as past
 
-from posecast_command.demo import make_demo_parser
 from posecast_command.programs import make_parser
-from posecast_command.run import make_run_parser
+from posecast_command.run import make_demo_parser, make_run_parser
 
 FOLDERS = ("DIR",)  # metavars of flags that take a folder; FILES: of flags that take a file
 FILES = ("FILE", "URDF", "PROFILE", "CREDENTIAL", "TLS_CERT", "TLS_KEY", "TLS_CA")
@@ -27,19 +26,19 @@ def make_whole_parser() -> argparse.ArgumentParser:
     models = _commands(model_command.make_parser())
     profile, probing = profile_new.make_parser(), probe.make_parser()
     agent, serving = edge.make_parser({}), relay.make_parser("posecast relay")
-    parts = {"model": models["model"], "doctor": models["doctor"], "probe": probing, "profile": profile}
-    kept = {
+    of_edge = {"model": models["model"], "doctor": models["doctor"], "probe": probing, "profile": profile}
+    of_relay = {
         "robots": robots_arguments.make_robots_parser({}),
         "past": past.make_past_parser({}),
         "convert": convert.make_convert_parser(),
     }
-    _commands(agent).update(parts)
-    _commands(serving).update(kept)
+    _commands(agent).update(of_edge)
+    _commands(serving).update(of_relay)
     whole = make_parser()
     _commands(whole).update(
         {"demo": make_demo_parser(), "run": make_run_parser({}), "edge": agent, "relay": serving}
     )
-    _commands(whole).update(parts | kept)
+    _commands(whole).update(of_edge | of_relay)
     return whole
 
 

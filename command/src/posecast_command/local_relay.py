@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import socket
 import subprocess
 import sys
 import time
@@ -14,7 +16,7 @@ from dataclasses import dataclass
 
 from posecast_relay.config.built_page import CHECKOUT, find_page
 from posecast_relay.port_holder import name_holder
-from posecast_wire.command_line.color import paint, print_error
+from posecast_wire.command_line.terminal import paint, print_error
 
 from posecast_command.link import (
     draw_qr,
@@ -24,10 +26,12 @@ from posecast_command.link import (
     name_local_host,
     open_browser,
 )
-from posecast_command.ports import PAGE_PORT, ROBOTS_PORT, PortError, find_free_port, is_taken
 from posecast_command.processes import Processes, name_program
 
+PAGE_PORT, ROBOTS_PORT = 8080, 7447  # or the next free ones
+PORTS_SEARCHED = 100  # for a free one
 ROBOTS_HOST = "127.0.0.1"  # without credentials a robot is on this machine
+PAGE_FOLDER = "POSECAST_STATIC"  # in a checkout the page is not inside the relay
 START_S = 30.0  # for the relay
 SHOWN_S = 30.0  # then a line says that the robot is still starting
 SERVES = b": serving http"
@@ -38,6 +42,10 @@ STATUSES = {
     FAILED: "the relay or the robot's agent failed",
     NOT_STARTED: "wrong arguments, or the relay or agent can't start",
 }
+
+
+class PortError(Exception):
+    """No port is free. The message is one line."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +96,10 @@ def show_robot(
             if found is None:
                 return NOT_STARTED
             relay, port, uplink = found
-            words = [*agent, "--robot", robot, "--relay", uplink]
-            process = processes.start(name_program(*words), environment=environment)
+            arguments = [*agent, "--robot", robot, "--relay", uplink]
+            process = processes.start(name_program(*arguments), environment=environment)
             local = f"http://{name_local_host(place.host)}:{port}"
-            has_page = bool(environment.get("POSECAST_STATIC") or find_page())
+            has_page = bool(environment.get(PAGE_FOLDER) or find_page())
             path = f"/#/r/{robot}" if has_page else f"/api/v1/robots/{robot}/state"
             if wait_until_shown(f"{local}/api/v1/robots/{robot}/state", robot, processes):
                 if not has_page:
@@ -170,6 +178,26 @@ def _choose_port(place: Place) -> int:
     if is_taken(place.host, place.port):
         raise PortError(f"port {place.port} is in use by {name_holder(place.port) or 'another program'}")
     return place.port
+
+
+def is_taken(host: str, port: int) -> bool:
+    """Whether another program listens on this port of `host`, an address or a name."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as e:
+            return e.errno == errno.EADDRINUSE  # the relay reports any other problem
+    return False
+
+
+def find_free_port(host: str, first: int) -> int:
+    """The first free port from `first` on. Raises PortError when the first PORTS_SEARCHED are in use."""
+    for port in range(first, first + PORTS_SEARCHED):
+        if not is_taken(host, port):
+            return port
+    raise PortError(f"ports {first} to {first + PORTS_SEARCHED - 1} of {host} are all in use")
 
 
 def _answers(url: str) -> bool:

@@ -21,7 +21,7 @@ def main() -> NoReturn:
     except BrokenPipeError:  # the reader closed the pipe
         status = FAILED
     except OSError as e:
-        from posecast_wire.command_line.color import print_error  # noqa: PLC0415 - see _command
+        from posecast_wire.command_line.terminal import print_error  # noqa: PLC0415 - see _command
 
         print_error("posecast", f"{e.filename or 'stdout'}: {e.strerror or e}")
         status = FAILED
@@ -40,7 +40,7 @@ def _run(argv: Sequence[str]) -> int:
 def _command(argv: Sequence[str]) -> int:
     """Run one command and return the exit status. Commands of agent and relay end the process themselves.
     Imports happen here, and only the needed ones, so that Ctrl-C never prints a traceback."""
-    from posecast_wire.command_line.standard_streams import open_closed_streams  # noqa: PLC0415
+    from posecast_wire.command_line.terminal import open_closed_streams  # noqa: PLC0415
 
     from posecast_command.programs import COMMANDS, EDGE, RELAY, make_parser  # noqa: PLC0415
 
@@ -59,7 +59,7 @@ def _command(argv: Sequence[str]) -> int:
             run_relay(argv[1:], "posecast relay")
         run_relay(argv, "posecast")
     if first == "demo":
-        from posecast_command.demo import run_demo  # noqa: PLC0415
+        from posecast_command.run import run_demo  # noqa: PLC0415
 
         return run_demo(argv[1:], os.environ)
     if first == "run":

@@ -1,4 +1,4 @@
-"""`posecast run`: the robot's agent, and a relay on this machine if none is given."""
+"""`posecast run`: a robot's agent, with a relay on this machine if none is given; and `posecast demo`."""
 
 from __future__ import annotations
 
@@ -8,21 +8,29 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from posecast_edge.cli.settings import UsageError, add_run_flags, parse_settings
-from posecast_wire.command_line.color import print_error
 from posecast_wire.command_line.parser import WRONG_ARGUMENTS, CommandParser
+from posecast_wire.command_line.terminal import print_error
 from posecast_wire.keys import check_name
 
-from posecast_command.local_relay import ROBOTS_HOST, STATUSES, add_place_flags, read_place, show_robot
-from posecast_command.ports import PortError
+from posecast_command.local_relay import (
+    PAGE_FOLDER,
+    ROBOTS_HOST,
+    STATUSES,
+    PortError,
+    add_place_flags,
+    read_place,
+    show_robot,
+)
 
 PROGRAM = "posecast"
 NAMELESS = "robot"
+DEMO = "demo"
 # flags for a relay elsewhere: with any of them, none is started here
 ELSEWHERE = ("relay", "credential", "tls_cert", "tls_key", "tls_ca")
 
 
 def make_run_parser(environment: Mapping[str, str]) -> CommandParser:
-    """The parser of the command: the agent's flags, and where the started relay serves the page."""
+    """The parser of `posecast run`: the agent's flags, and where the started relay serves the page."""
     parser = CommandParser(
         prog=f"{PROGRAM} run",
         description="Read a robot from a source and show it on a page. Only --source is needed: without "
@@ -38,7 +46,7 @@ def make_run_parser(environment: Mapping[str, str]) -> CommandParser:
 
 
 def run_robot(argv: Sequence[str], environment: Mapping[str, str]) -> int:
-    """Run the command and return the exit status."""
+    """Run `posecast run` and return the exit status."""
     args = make_run_parser(environment).parse_args(argv)
     agent = _drop_own_flags(argv)
     named = [name for name in ELSEWHERE if getattr(args, name) is not None]
@@ -61,6 +69,32 @@ def run_robot(argv: Sequence[str], environment: Mapping[str, str]) -> int:
         )
     except (UsageError, PortError) as e:
         print_error(f"{PROGRAM} run", str(e))
+        return WRONG_ARGUMENTS
+
+
+def make_demo_parser() -> CommandParser:
+    """The parser of `posecast demo`."""
+    parser = CommandParser(
+        prog=f"{PROGRAM} demo",
+        description="Show a demo robot. This starts a relay, which serves the page, and "
+        "the robot's agent, prints the link, and opens it in your browser. Ctrl-C stops both.",
+        statuses=STATUSES,
+        allow_abbrev=False,
+    )
+    add_place_flags(parser)
+    return parser
+
+
+def run_demo(argv: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run `posecast demo` and return the exit status."""
+    args = make_demo_parser().parse_args(argv)
+    agent = ["edge", "run", "--source", DEMO]
+    # ignore the user's settings for their own relay and robot
+    ours = {k: v for k, v in environment.items() if not k.startswith("POSECAST_") or k == PAGE_FOLDER}
+    try:
+        return show_robot(DEMO, agent, read_place(args), ours, browser=not args.no_browser)
+    except PortError as e:
+        print_error(f"{PROGRAM} demo", str(e))
         return WRONG_ARGUMENTS
 
 

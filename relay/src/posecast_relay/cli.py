@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
-from posecast_wire.command_line.color import paint
+from posecast_wire.command_line.terminal import paint
 
 from posecast_relay.config.settings import SettingsError, StartError, parse
 

@@ -5,14 +5,26 @@ from __future__ import annotations
 import importlib.metadata
 import io
 import json
+import subprocess
+import sys
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_wire.command_line.color import paint, print_error, wants_color
 from posecast_wire.command_line.installation import advise_extra, find_version
 from posecast_wire.command_line.parser import CommandParser, suggest
+from posecast_wire.command_line.terminal import paint, print_error, wants_color
+
+PRINTS_BOTH = """
+import os, sys
+from posecast_wire.command_line.terminal import open_closed_streams
+open_closed_streams()
+print("to stdout")
+print("to stderr", file=sys.stderr)
+assert sys.stdin.read() == ""
+os._exit(min(os.open("/dev/null", os.O_RDONLY), 3))
+"""
 
 
 class Terminal(io.StringIO):
@@ -35,20 +47,38 @@ class Terminal(io.StringIO):
     ],
 )
 def test_colour_is_for_terminals_that_want_it(
-    environment: dict[str, str], terminal: bool, colored: bool
+    environment: dict[str, str], terminal: bool, colored: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    for name in ("NO_COLOR", "FORCE_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
     out = Terminal() if terminal else io.StringIO()
-    assert wants_color(out, environment) is colored
-    assert paint("x", "red", out, environment) == ("\x1b[31mx\x1b[0m" if colored else "x")
+    assert wants_color(out) is colored
+    assert paint("x", "red", out) == ("\x1b[31mx\x1b[0m" if colored else "x")
 
 
 def test_a_closed_stream_wants_none(monkeypatch: pytest.MonkeyPatch) -> None:
     out = io.StringIO()
     out.close()
-    assert not wants_color(out, {})
-    assert not wants_color(None, {"FORCE_COLOR": "1"})
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert not wants_color(None)
+    monkeypatch.delenv("FORCE_COLOR")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert not wants_color(out)
     monkeypatch.setattr("sys.stderr", out)
     print_error("p", "nobody reads it")
+
+
+@pytest.mark.parametrize("closed", ["", "<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_leads_nowhere_and_no_file_takes_its_place(closed: str) -> None:
+    command = ["bash", "-c", f'exec "$0" -c "$1" {closed}', sys.executable, PRINTS_BOTH]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    assert (ended.stdout, ended.stderr) == (
+        "" if ">&-" in closed.replace("2>&-", "") else "to stdout\n",
+        "" if "2>&-" in closed else "to stderr\n",
+    )
+    assert ended.returncode == 3
 
 
 @pytest.mark.parametrize(
@@ -73,7 +103,7 @@ def make_parser() -> CommandParser:
 
 
 @pytest.mark.parametrize(
-    ("argv", "said"),
+    ("argv", "start"),
     [
         (["rnu"], "p: unknown command 'rnu' (did you mean run?): one of run\n"),
         (["run", "--prot", "1"], "p run: unrecognized arguments: --prot (did you mean --port?)\n"),
@@ -88,14 +118,14 @@ def make_parser() -> CommandParser:
     ],
 )
 def test_a_mistake_is_one_line_and_status_2(
-    argv: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    argv: list[str], start: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
         make_parser().parse_args(argv)
     assert ended.value.code == 2
-    told = capsys.readouterr().err
-    assert told.startswith(said)
-    assert told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert message.startswith(start)
+    assert message.count("\n") == 1
 
 
 def test_abbreviations_and_what_stands_behind_two_dashes_are_no_mistakes() -> None:
@@ -116,8 +146,8 @@ def test_an_abbreviation_that_is_not_taken_is_a_mistake(capsys: pytest.CaptureFi
 
 def test_help_lists_the_exit_statuses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
-    told = make_parser().format_help().partition("\nexit status:\n")[2]
-    assert [line.split() for line in told.splitlines()] == [["0", "done"], ["3", "no"]]
+    statuses = make_parser().format_help().partition("\nexit status:\n")[2]
+    assert [line.split() for line in statuses.splitlines()] == [["0", "done"], ["3", "no"]]
     monkeypatch.delenv("NO_COLOR")
     monkeypatch.setenv("FORCE_COLOR", "1")
     assert "\x1b[1musage\x1b[0m:" in make_parser().format_help()

@@ -196,7 +196,7 @@ LENGTHS = st.sampled_from([1, 20, 200, 2000])
 
 
 def a_dict(of_name: st.SearchStrategy[object]) -> st.SearchStrategy[object]:
-    """Names, many or few, short or long, that all hold the same."""
+    """Names, many or few, short or long, all with one value."""
     return st.builds(
         lambda count, length, value: {name.rjust(length, "k"): value for name in names(count)},
         COUNTS,

@@ -40,10 +40,10 @@ Came = tuple[Schema, list[Arrival]]
 def refusal(data: bytes) -> str:
     with pytest.raises(SegmentError) as caught:
         decode_key_page(data)
-    said = str(caught.value)
-    assert said.isprintable()
-    assert len(said) < 400
-    return said
+    message = str(caught.value)
+    assert message.isprintable()
+    assert len(message) < 400
+    return message
 
 
 def poses(count: int, frame: bytes = few_frames(1)[0], every_ms: int = 1) -> list[KeyPose]:

@@ -16,7 +16,7 @@ from posecast_wire import (
     build_schema_text,
     compute_joint_values,
 )
-from posecast_wire.mapping import parse_mapping
+from posecast_wire.schema import parse_mapping
 
 MAPPED = Schema.parse(
     build_schema_text(

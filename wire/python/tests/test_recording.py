@@ -70,10 +70,10 @@ def segment(index: int) -> RecordedSegment:
 def refusal(data: bytes) -> str:
     with pytest.raises(RecordingError) as caught:
         decode_recording(data)
-    said = str(caught.value)
-    assert said.isprintable()
-    assert len(said) < 400
-    return said
+    message = str(caught.value)
+    assert message.isprintable()
+    assert len(message) < 400
+    return message
 
 
 @pytest.mark.parametrize("case", VECTORS["good"], ids=lambda case: str(case["name"]))
@@ -144,10 +144,10 @@ def test_a_segment_is_read_as_it_is_and_from_its_gzip() -> None:
 def test_a_packed_segment_of_the_vectors(case: dict[str, Any]) -> None:
     data = b"".join(bytes.fromhex(part[0]) * part[1] for part in case["bytes"])
     try:
-        said = f"{len(unpack_segment(data))} bytes"
+        answer = f"{len(unpack_segment(data))} bytes"
     except SegmentError as e:
-        said = str(e)
-    assert said == case["says"]
+        answer = str(e)
+    assert answer == case["says"]
 
 
 def test_where_files_lie() -> None:

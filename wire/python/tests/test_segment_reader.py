@@ -1,4 +1,4 @@
-"""Whatever is written is read back; whatever is damaged is refused in one line."""
+"""What is written is read back; what is damaged is refused in one line; takes become one run again."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import zlib
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posecast_wire import Decoder, Schema
+from posecast_wire import Decoder, Encoder, Schema
 from posecast_wire.segment import (
     CopyRecord,
     EventRecord,
@@ -18,10 +18,11 @@ from posecast_wire.segment import (
     SegmentWriter,
     decode_segment,
     encode_segment,
+    merge_segments,
 )
 
 from .cost import assert_no_faster_than_input, lines_run
-from .recordings import FROM_MS, Arrival, arrivals, few_frames, plain_start, recorded, segments
+from .recordings import FROM_MS, Arrival, arrivals, few_frames, one_channel, plain_start, recorded, segments
 from .streams import SLOW
 
 Came = tuple[Schema, list[Arrival]]
@@ -30,10 +31,10 @@ Came = tuple[Schema, list[Arrival]]
 def refusal(data: bytes) -> str:
     with pytest.raises(SegmentError) as caught:
         decode_segment(data)
-    said = str(caught.value)
-    assert said.isprintable()
-    assert len(said) < 400
-    return said
+    message = str(caught.value)
+    assert message.isprintable()
+    assert len(message) < 400
+    return message
 
 
 def small() -> bytes:
@@ -190,3 +191,40 @@ def test_a_megabyte_of_anything_costs_in_proportion() -> None:
         writer.append_event(text, 0)
     assert len(decode_segment(writer.close(FROM_MS)).records) == (1 << 20) // 4004
     assert isinstance(decode_segment(writer.close(FROM_MS)).records[0], EventRecord)
+
+
+def test_what_two_recorders_heard_is_merged() -> None:
+    frames = few_frames(8)  # numbers from 10 on
+    segments = []
+    for late_us, heard in ((300, (0, 1, 2, 5)), (900, (0, 2, 3, 7))):
+        writer = SegmentWriter(plain_start(from_ms=FROM_MS + late_us))
+        for n in heard:
+            writer.append_frame(frames[n], 1000 * n, late_us)
+        segments.append(decode_segment(writer.close(FROM_MS + late_us + 8)))
+    random.Random(1).shuffle(segments)
+    (run,) = merge_segments(segments)
+    assert run.run_id == plain_start().run_id
+    assert [(each.seq, each.late_us) for each in run.frames] == [
+        *[(10, 300), (11, 300), (12, 300), (13, 900), (15, 300), (17, 900)]
+    ]
+    assert [each.frame for each in run.frames] == [frames[n] for n in (0, 1, 2, 3, 5, 7)]
+    assert run.frames[3].unix_us == 1000 * (FROM_MS + 900) + 3000
+    assert run.missing == 2
+
+
+def test_numbers_go_round() -> None:
+    encoder = Encoder(one_channel())
+    writer = SegmentWriter(plain_start())
+    seqs = [(1 << 32) - 2, (1 << 32) - 1, 0, 3]
+    for n, seq in enumerate(seqs):
+        writer.append_frame(encoder.encode([n], seq, n / 30, n / 30), 1000 * n, 0)
+    (run,) = merge_segments([decode_segment(writer.close(FROM_MS + 4))])
+    assert [each.seq for each in run.frames] == seqs
+    assert run.missing == 2
+
+
+def test_nothing_makes_no_run() -> None:
+    writer = SegmentWriter(plain_start())
+    writer.append_event("{}", 0)
+    assert merge_segments([decode_segment(writer.close(FROM_MS))]) == ()
+    assert merge_segments([]) == ()

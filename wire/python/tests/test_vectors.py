@@ -72,16 +72,16 @@ def test_decoder_follows(schemas: dict[str, str], case: dict[str, Any]) -> None:
             decoder.add_schema(schemas[step["schema"]])
             continue
         data = bytes.fromhex(step["frame"])
-        said: dict[str, object]
+        result: dict[str, object]
         try:
             got = decoder.decode(data)
         except BaseUnknown:
-            said = {"is": "unknown"}
+            result = {"is": "unknown"}
         except BadFrame as e:
-            said = {"is": "bad", "says": str(e)} if "says" in step else {"is": "bad"}
+            result = {"is": "bad", "says": str(e)} if "says" in step else {"is": "bad"}
         else:
-            said = {"is": "state", "seq": got.seq, "t": got.t_s, "codes": list(got.codes)}
-        assert said == {k: step[k] for k in said}, f"step {i} {step.get('note', '')}"
+            result = {"is": "state", "seq": got.seq, "t": got.t_s, "codes": list(got.codes)}
+        assert result == {k: step[k] for k in result}, f"step {i} {step.get('note', '')}"
 
 
 @pytest.mark.parametrize(("schemas", "case"), [c for c in cases() if "encode" in c.values[1]])

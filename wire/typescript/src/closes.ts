@@ -22,8 +22,8 @@ export const Close = {
 /**
  * What a viewer does after an ending.
  * `backoff`: full jitter, random(0 … min(30 s, 0.5 s × 2^attempt)).
- * `spread`: first after random(0 … retry_s of `bye`, 10 s when it told none), then backoff.
- * `wait`: not before retry_s of `bye` (30 s when it told none), then backoff.
+ * `spread`: first after random(0 … retry_s of `bye`, 10 s if it has none), then backoff.
+ * `wait`: not before retry_s of `bye` (30 s if it has none), then backoff.
  * `later`: after random(30 … 60 s), each time: the robot may be added or come back.
  * `never`: not by itself: asking again will not help until a person does something.
  */

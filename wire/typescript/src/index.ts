@@ -16,19 +16,6 @@ export {
   WIRE_VERSION,
 } from './frame.ts';
 export {
-  JOINT,
-  type JointMap,
-  JointMapping,
-  type Level,
-  level,
-  type Mapping,
-  type SensorKind,
-  type SensorMount,
-  type Sentence,
-  type Severity,
-  type Threshold,
-} from './mapping.ts';
-export {
   type Bye,
   type EventLevel,
   type EventMessage,
@@ -60,7 +47,24 @@ export {
   segmentPath,
 } from './recording/recording.ts';
 export { encodeRecording } from './recording/writer.ts';
-export { CODE_MAX, Field, MISSING, revived, Schema } from './schema.ts';
+export {
+  CODE_MAX,
+  Field,
+  JOINT,
+  type JointMap,
+  JointMapping,
+  type Level,
+  level,
+  type Mapping,
+  MISSING,
+  revived,
+  Schema,
+  type SensorKind,
+  type SensorMount,
+  type Sentence,
+  type Severity,
+  type Threshold,
+} from './schema.ts';
 export { parseSchema } from './schema_parser.ts';
 export { decodeKeyPage, type KeyPage, type KeyPose } from './segment/key_page.ts';
 export { encodeKeyPage, pickPose } from './segment/key_page_writer.ts';

@@ -28,7 +28,7 @@ export interface Hello {
  * After hello, then at least once a second. `age_ms`, `seq`: of the newest frame; null before any. `degraded`: the
  * relay does not hear of robots just now, for a reason of its own (a gateway without Redis). `over_share`: the robot
  * sends more than its share of the relay, so some of its frames are dropped. `clock_ms`: the relay's clock at that
- * moment, which never steps; only differences are meaningful. Null from a relay that does not tell.
+ * moment, which never steps; only differences are meaningful. Null from a relay that does not send it.
  */
 export interface Status {
   readonly type: 'status';
@@ -114,7 +114,7 @@ export type ViewerMessage =
 
 /**
  * One text message of the relay. Null when this viewer does not know it or it is not well formed: skip it,
- * a newer relay may say more. A schema is handed on as text for `parseSchema` to judge.
+ * a newer relay may say more. A schema is passed on as text for `parseSchema`.
  */
 export function parseRelayMessage(text: string): RelayMessage | null {
   let value: unknown;
@@ -245,6 +245,8 @@ function bye(r: Reader): Bye | null {
   const code = r.number('code');
   const retry_s = r.number('retry_s') ?? null;
   const lane = r.text('lane');
-  const told = lane !== undefined && lane.length <= LANE_MAX ? { lane } : {};
-  return code === undefined ? null : { type: 'bye', code, reason: r.text('reason') ?? '', retry_s, ...told };
+  const ofLane = lane !== undefined && lane.length <= LANE_MAX ? { lane } : {};
+  return code === undefined
+    ? null
+    : { type: 'bye', code, reason: r.text('reason') ?? '', retry_s, ...ofLane };
 }

@@ -1,9 +1,8 @@
 /** Reads the part `balance` of a schema's `mapping`: what the robot stands on. Apart from the rest, for few pages need it. */
 
 import { entries, fail, items, parseJson, table, texts } from './checked.ts';
-import type { Xyz } from './mapping.ts';
-import { xyz } from './mapping_parser.ts';
-import type { Schema } from './schema.ts';
+import type { Schema, Xyz } from './schema.ts';
+import { xyz } from './schema_parser.ts';
 
 const FEET_MAX = 16;
 const CORNERS_MAX = 64; // of a sole

@@ -1,7 +1,7 @@
 /** Characters that are invisible or change the direction of the text around them, except the plain space. */
 const UNSEEN = /(?! )[\p{C}\p{Z}\p{Default_Ignorable_Code_Point}\u2800]/gu;
 
-/** The same without what Persian, Hindi, Sinhala or Hebrew is written with: joiners and marks of direction (SPEC §2). */
+/** Those of UNSEEN that no script is written with: Persian, Hindi, Sinhala and Hebrew need joiners and direction marks (SPEC §2). */
 const UNWRITTEN = /(?![ \u200c-\u200f])[\p{C}\p{Z}\p{Default_Ignorable_Code_Point}\u2800]/gu;
 
 /** Escapes invisible and direction-changing characters of an untrusted text as `\u{202e}`, so that it can't imitate
@@ -10,7 +10,7 @@ export function visible(text: string): string {
   return text.replace(UNSEEN, escaped);
 }
 
-/** As `visible`, for texts that people are to read: joiners and direction marks stay. An RLM may still move what stands
+/** Escapes like `visible`, but keeps joiners and direction marks, for texts that people read. An RLM may still move what stands
  *  beside it: show the text isolated. */
 export function readable(text: string): string {
   return text.replace(UNWRITTEN, escaped);

@@ -21,7 +21,7 @@ function quickestMs(work: () => void): number {
   return best;
 }
 
-/** The same of what takes more than one turn. */
+/** The CPU time of the quickest of five runs of asynchronous work. */
 async function quickestOfTurnsMs(work: () => Promise<unknown>): Promise<number> {
   let best = Number.POSITIVE_INFINITY;
   for (let i = 0; i < 5; i++) {

@@ -124,7 +124,7 @@ test('bytes that are no text', () => {
   expect(refusal(() => decodeRecording(Uint8Array.of(0xff)))).toBe('recording: not JSON');
 });
 
-test('another segment than its place says is told', () => {
+test('another segment than its place says is refused', () => {
   const { robot, view } = SOME;
   const expected = SOME.segments[1]!;
   const start: SegmentStart = {
@@ -170,11 +170,11 @@ afterEach(() => void vi.unstubAllGlobals());
 
 test.each(packed)('a packed segment: $says', async ({ bytes: parts, says }) => {
   const data = bytes(parts.map(([digits, times]) => digits.repeat(times)).join(''));
-  const said = await unpackSegment(data.slice()).then(
+  const answer = await unpackSegment(data.slice()).then(
     (segment) => `${segment.length} bytes`,
     (error: unknown) => (error instanceof SegmentError ? error.message : String(error)),
   );
-  expect(said).toBe(says);
+  expect(answer).toBe(says);
 });
 
 test('a packed segment is unpacked only a little further than a segment may go', async () => {

@@ -5,14 +5,14 @@ import { load, type Schemas } from './vectors.ts';
 const vectors = load<Schemas>('vectors/schemas.json');
 
 test.each(vectors.bad)('refuses by place: $where', ({ where, text }) => {
-  let said = '';
+  let message = '';
   try {
     parseSchema(text);
   } catch (e) {
     expect(e).toBeInstanceOf(SchemaError);
-    said = (e as Error).message;
+    message = (e as Error).message;
   }
-  expect(said.startsWith(`${where}: `), said).toBe(true);
+  expect(message.startsWith(`${where}: `), message).toBe(true);
 });
 
 test.each(vectors.good)('reads alike: $why', ({ text, fields }) => {
@@ -48,15 +48,15 @@ test.each([
   { ...DOC, mapping: { units: { ['u'.repeat(200)]: { ['\n'.repeat(50_000)]: 'mm' } } } },
   '{"a":\n\u202e}',
 ])('quotes in one short line with nothing unseen', (document) => {
-  let said = '';
+  let message = '';
   try {
     parseSchema(typeof document === 'string' ? document : JSON.stringify(document));
   } catch (e) {
-    said = (e as Error).message;
+    message = (e as Error).message;
   }
-  expect(said).not.toMatch(/\p{C}|\p{Zl}|\p{Zp}|\u00a0|\u2800|\u3164|\ufe0f/u);
-  expect(said).not.toBe('');
-  expect(said.length).toBeLessThan(1_500);
+  expect(message).not.toMatch(/\p{C}|\p{Zl}|\p{Zp}|\u00a0|\u2800|\u3164|\ufe0f/u);
+  expect(message).not.toBe('');
+  expect(message.length).toBeLessThan(1_500);
 });
 
 test('id and text are of the exact text', () => {

@@ -74,13 +74,13 @@ function digestOf({ start, toMs, records }: Segment, decoder: Decoder): string {
   for (const record of records) {
     if (record.kind === 'frame') {
       const { seq, tS, codes } = decoder.decode(record.frame);
-      const said = [record.lateUs, record.seq, seq, Math.floor(tS * 1000 + 0.5), Array.from(codes)];
-      lines.push([record.atUs, record.kind, ...said]);
+      const content = [record.lateUs, record.seq, seq, Math.floor(tS * 1000 + 0.5), Array.from(codes)];
+      lines.push([record.atUs, record.kind, ...content]);
     } else if (record.kind === 'copy') {
       lines.push([record.atUs, record.kind, decoder.decode(record.frame).seq]);
     } else {
-      const [kind, atUs, said] = shownRecord(record);
-      lines.push([atUs, kind, said]);
+      const [kind, atUs, content] = shownRecord(record);
+      lines.push([atUs, kind, content]);
     }
   }
   const text = lines.map((line) => `${JSON.stringify(line)}\n`).join('');
@@ -149,10 +149,10 @@ const start: fc.Arbitrary<SegmentStart> = fc.record({
   openFaults: fc.array(text, { maxLength: 3 }),
 });
 const other = fc.oneof(
-  text.map((said) => ({ kind: 'event' as const, text: said })),
-  info.map((said) => ({ kind: 'info' as const, info: said })),
-  fc.option(hash).map((said) => ({ kind: 'model' as const, model: said })),
-  word.map((said) => ({ kind: 'word' as const, word: said })),
+  text.map((content) => ({ kind: 'event' as const, text: content })),
+  info.map((content) => ({ kind: 'info' as const, info: content })),
+  fc.option(hash).map((content) => ({ kind: 'model' as const, model: content })),
+  word.map((content) => ({ kind: 'word' as const, word: content })),
 );
 
 /** The frames of a stream, a copy of the KEY if it does not begin with that, and what falls between. */
@@ -209,13 +209,13 @@ test('what could not be read again is not written', () => {
     [{ ...segment, start: { ...segment.start, numbering: '\ud800' } }, 'numbering: not Unicode'],
   ];
   for (const [one, says] of wrong) {
-    let said = '';
+    let message = '';
     try {
       encodeSegment(one);
     } catch (error) {
-      said = (error as SegmentError).message;
+      message = (error as SegmentError).message;
     }
-    expect(said).toContain(says);
+    expect(message).toContain(says);
   }
 });
 

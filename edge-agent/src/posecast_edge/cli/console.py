@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import TextIO
 
-from posecast_wire.command_line.color import paint
+from posecast_wire.command_line.terminal import paint
 
 from posecast_edge.kit import make_visible
 

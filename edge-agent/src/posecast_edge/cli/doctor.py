@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from posecast_wire.mapping import JOINT, JointMap
+from posecast_wire.schema import JOINT, JointMap
 
 from posecast_edge.cli.source_stats import POSITION, WAIT_S, ChannelStats, SourceStats
 from posecast_edge.kit import many

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, NoReturn
 
-from posecast_wire.command_line.standard_streams import open_closed_streams
-from posecast_wire.schema import SchemaError
+from posecast_wire.checked import SchemaError
+from posecast_wire.command_line.terminal import open_closed_streams
 
 from posecast_edge.cli.console import Console
 from posecast_edge.cli.flags import list_packages

@@ -10,9 +10,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
-from posecast_wire.command_line.color import paint
 from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.command_line.progress_bar import ProgressBar, show_countdown
+from posecast_wire.command_line.terminal import paint
 
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.cli.flags import add_robot_flags, limit_number, list_packages

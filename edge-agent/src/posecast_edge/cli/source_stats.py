@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from posecast_wire.mapping import JOINT, JointMap
+from posecast_wire.schema import JOINT, JointMap
 
 from posecast_edge.pipeline.inferred_channels import InferredChannels
 from posecast_edge.profile.types import Profile

@@ -11,8 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from posecast_wire.mapping import Threshold
-from posecast_wire.schema import Field, Schema
+from posecast_wire.schema import Field, Schema, Threshold
 
 SILENT_S = 1.5  # the page shows STALE after the same time
 PER_SECOND = 20

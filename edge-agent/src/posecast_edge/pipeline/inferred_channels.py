@@ -14,8 +14,8 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from posecast_wire.checked import TEXT_MAX, is_text
-from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, TEXT_BYTES_MAX, SchemaError
+from posecast_wire.checked import TEXT_MAX, SchemaError, is_text
+from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, TEXT_BYTES_MAX
 
 from posecast_edge.kit import many, quote
 from posecast_edge.profile.defaults import DIAG_BITS, JOINT_FIELDS

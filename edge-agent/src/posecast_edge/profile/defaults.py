@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from posecast_wire.mapping import Severity
+from posecast_wire.schema import Severity
 
 # common spelling → spelling shown to viewers
 UNITS = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from posecast_wire.mapping import JointMap
+from posecast_wire.schema import JointMap
 
 DEPTH_MAX = 32  # length of a chain of joints that follow one another
 TERMS_MAX = 1 << 16  # of all joints, once resolved to channels

@@ -14,11 +14,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, cast
 
+from posecast_wire.checked import SchemaError
 from posecast_wire.keys import check_name
-from posecast_wire.mapping import (
+from posecast_wire.schema import (
     ANY,
+    BITS_MAX,
+    CHANNELS_MAX,
     CORNERS_MAX,
     FEET_MAX,
+    FIELD_NAME,
     GROUNDS,
     JOINT,
     SENSOR_KINDS,
@@ -32,8 +36,7 @@ from posecast_wire.mapping import (
     Threshold,
     Xyz,
 )
-from posecast_wire.mapping import Mapping as Meaning
-from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, SchemaError
+from posecast_wire.schema import Mapping as Meaning
 
 from posecast_edge.kit import make_visible, quote
 from posecast_edge.profile.defaults import PLAIN, WELL_KNOWN

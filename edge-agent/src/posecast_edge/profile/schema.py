@@ -6,9 +6,16 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from posecast_wire.checked import is_text
-from posecast_wire.mapping import JOINT, BalanceRule, SensorMount, Sentence, Threshold
-from posecast_wire.mapping import Mapping as Meaning
-from posecast_wire.schema import BITS_MAX, build_schema_text
+from posecast_wire.schema import (
+    BITS_MAX,
+    JOINT,
+    BalanceRule,
+    SensorMount,
+    Sentence,
+    Threshold,
+    build_schema_text,
+)
+from posecast_wire.schema import Mapping as Meaning
 
 from posecast_edge.profile.defaults import (
     DIAG_BITS,

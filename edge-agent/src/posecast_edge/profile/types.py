@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from posecast_wire.mapping import JOINT, BalanceRule, SensorMount
-from posecast_wire.mapping import Mapping as Meaning
+from posecast_wire.schema import JOINT, BalanceRule, SensorMount
+from posecast_wire.schema import Mapping as Meaning
 
 PUBLIC = "public"
 BALANCE = "balance"  # has limits in [thresholds] without being a field

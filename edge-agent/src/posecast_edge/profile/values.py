@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import Any, NoReturn
 
 from posecast_wire.checked import SCRIPT_MARKS, UNSEEN
-from posecast_wire.mapping import Xyz
+from posecast_wire.schema import Xyz
 from posecast_wire.toml_lines import find_line, index_lines
 
 from posecast_edge.kit import make_visible, quote

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from posecast_wire import Schema
-from posecast_wire.mapping import JOINT, JointMap
-from posecast_wire.schema import MISSING, Field
+from posecast_wire.schema import JOINT, MISSING, Field, JointMap
 
 from posecast_relay.export.cdr import CdrMessage
 from posecast_relay.export.ros_messages import (

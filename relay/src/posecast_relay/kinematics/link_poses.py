@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from posecast_wire import Schema, compute_joint_values
-from posecast_wire.mapping import JOINT, Xyz
-from posecast_wire.schema import MISSING
+from posecast_wire.schema import JOINT, MISSING, Xyz
 
 from posecast_relay.kinematics.channel_places import ChannelPlaces
 from posecast_relay.kinematics.model_tree import VARIABLES, Box, ModelTree, Quat, TreeJoint

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
 from posecast_wire.checked import make_visible
-from posecast_wire.mapping import Xyz
+from posecast_wire.schema import Xyz
 
 
 class ModelTreeError(ValueError):

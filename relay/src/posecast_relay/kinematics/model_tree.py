@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from posecast_wire.checked import loads
-from posecast_wire.mapping import Xyz
+from posecast_wire.schema import Xyz
 
 from posecast_relay.kinematics.manifest_values import (
     check_list,

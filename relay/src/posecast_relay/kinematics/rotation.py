@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from posecast_wire.mapping import Xyz
+from posecast_wire.schema import Xyz
 
 from posecast_relay.kinematics.model_tree import Quat
 

@@ -1,5 +1,6 @@
 """Posecast wire format 1: schema, frames, messages. `wire/SPEC.md` is the normative text."""
 
+from posecast_wire.checked import SchemaError
 from posecast_wire.closes import ENDINGS, Close, Ending, Retry, retry_of
 from posecast_wire.credential import Credential
 from posecast_wire.decoder import Decoder, Frame
@@ -18,15 +19,6 @@ from posecast_wire.keys import (
     frame_key,
     model_key,
     snapshot_key,
-)
-from posecast_wire.mapping import (
-    BalanceRule,
-    JointMap,
-    Mapping,
-    SensorMount,
-    Sentence,
-    Threshold,
-    compute_joint_values,
 )
 from posecast_wire.messages import (
     MESSAGE_BYTES_MAX,
@@ -51,7 +43,20 @@ from posecast_wire.messages import (
     parse_viewer_message,
 )
 from posecast_wire.quantiser import Quantiser
-from posecast_wire.schema import CODE_MAX, MISSING, Field, Schema, SchemaError, build_schema_text
+from posecast_wire.schema import (
+    CODE_MAX,
+    MISSING,
+    BalanceRule,
+    Field,
+    JointMap,
+    Mapping,
+    Schema,
+    SensorMount,
+    Sentence,
+    Threshold,
+    build_schema_text,
+    compute_joint_values,
+)
 
 WIRE_VERSION = 1
 

@@ -52,7 +52,7 @@ class Credential:
 
 
 def _pem(text: str) -> str:
-    import ssl  # noqa: PLC0415 - the same
+    import ssl  # noqa: PLC0415 - over 1 MB, and only for a certificate
 
     try:
         return ssl.DER_cert_to_PEM_cert(base64.b64decode(text, validate=True))

@@ -8,8 +8,7 @@ PRIME, OFFSET = 0x01000193, 0x811C9DC5
 
 
 def fnv1a32_in_python(data: bytes) -> int:
-    """The same hash as `fnv1a32`, 150 times as slow; for Python 3.10, for which the C version has no
-    wheels."""
+    """The hash of `fnv1a32`, 150 times as slow; for Python 3.10, for which the C version has no wheels."""
     value = OFFSET
     for byte in data:
         value = (value ^ byte) * PRIME & 0xFFFFFFFF

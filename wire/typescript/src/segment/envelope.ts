@@ -18,7 +18,7 @@ export interface EnvelopeKind {
   readonly what: string;
 }
 
-/** Bytes that are found undamaged. `count`: how many records there are said to be. */
+/** The two parts, with correct checksums. `count`: the number of records that the last bytes name. */
 export interface Envelope {
   readonly header: ByteReader;
   readonly records: ByteReader;
@@ -35,7 +35,7 @@ export function openEnvelope(data: Uint8Array, kind: EnvelopeKind): Envelope {
   return { header, records: new ByteReader(data, at, end), count };
 }
 
-/** Where the header ends, which is found undamaged. */
+/** Checks the header and returns where it ends. */
 function checkFront(data: Uint8Array, view: DataView, { magic, version, what }: EnvelopeKind): number {
   if (magic.some((byte, i) => i < data.length && data[i] !== byte)) refuse('byte 0', `no ${what}`);
   if (data.length > 4 && data[4] !== version) {
@@ -51,7 +51,7 @@ function checkFront(data: Uint8Array, view: DataView, { magic, version, what }: 
   return end;
 }
 
-/** How many records there are said to be; their bytes are found undamaged. */
+/** Checks the records' bytes and returns the number of records that the last bytes name. */
 function checkRecords(data: Uint8Array, view: DataView, at: number, end: number): number {
   if (end - at > RECORDS_BYTES_MAX)
     refuse(`byte ${at}`, `records of ${end - at} bytes, ${RECORDS_BYTES_MAX} allowed`);

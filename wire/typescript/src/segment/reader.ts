@@ -34,7 +34,7 @@ interface Header {
   readonly lastSeq: number;
 }
 
-/** Decodes a segment; frames are parts of `data`. Records of unknown kinds are passed over. SegmentError when it is
+/** Decodes a segment; frames are parts of `data`. Records of unknown kinds are skipped. SegmentError when it is
  *  none. */
 export function decodeSegment(data: Uint8Array): Segment {
   const envelope = openEnvelope(data, SEGMENT);
@@ -45,9 +45,8 @@ export function decodeSegment(data: Uint8Array): Segment {
   return { start: header.start, toMs: header.start.fromMs + header.durationMs, records };
 }
 
-/** What is known of a segment when it begins, and its records up to the first frame, which is the last of them; all of
- *  them if there is none. What stands behind is looked at for damage only. SegmentError as far as is seen that it is
- *  invalid. */
+/** The start of a segment, and its records up to and including the first frame; all of them if there is no frame. Of the
+ *  rest only the checksum is checked. Throws SegmentError. */
 export function readUntilFrame(data: Uint8Array): Pick<Segment, 'start' | 'records'> {
   const envelope = openEnvelope(data, SEGMENT);
   const { start, durationMs } = readHeader(envelope.header);
@@ -129,7 +128,7 @@ function* readRecords(
   if (found !== count) refuse(`byte ${end}`, `${found} records, ${count} said`);
 }
 
-/** The record whose content lies from `r.at` to `r.end`; null of an unknown kind. */
+/** The record with its content from `r.at` to `r.end`; null if its kind is unknown. */
 function readRecord(r: ByteReader, kind: number, atUs: number, chain: FrameChain): SegmentRecord | null {
   const name = KINDS[kind];
   if (name === undefined) return null;
@@ -176,7 +175,7 @@ function checked(r: ByteReader, what: string, size: number, most: number): numbe
   return size;
 }
 
-/** What is wrong with a frame is told with its place. */
+/** Adds the place of a frame to its error. */
 function placed<T>(at: number, take: () => T): T {
   try {
     return take();
@@ -190,7 +189,7 @@ function checkFrames(header: Header, chain: FrameChain): void {
   if (chain.copies > 0 && chain.count === 0) refuse('records', 'copies without frames');
   if (header.frames !== chain.count) refuse('header', `${header.frames} frames said, ${chain.count} there`);
   if (header.firstSeq !== chain.firstSeq || header.lastSeq !== chain.lastSeq) {
-    const said = `frames ${header.firstSeq} to ${header.lastSeq} said`;
-    refuse('header', `${said}, ${chain.firstSeq} to ${chain.lastSeq} there`);
+    const named = `frames ${header.firstSeq} to ${header.lastSeq} said`;
+    refuse('header', `${named}, ${chain.firstSeq} to ${chain.lastSeq} there`);
   }
 }

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from posecast_wire.mapping import Mapping as Meaning
+from posecast_wire.schema import Mapping as Meaning
 
 from posecast_edge.model.doctor.masses import examine_masses
 from posecast_edge.model.doctor.meshes import MeshFacts, examine_files, examine_meshes

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from posecast_wire.mapping import Mapping as Meaning
+from posecast_wire.schema import Mapping as Meaning
 
 from posecast_edge.model.finding import Finding, quote_name
 from posecast_edge.model.kinematics import (

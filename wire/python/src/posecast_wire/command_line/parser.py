@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import takewhile
 from typing import Any, NoReturn, TypeVar
 
-from posecast_wire.command_line.color import paint, wants_color
+from posecast_wire.command_line.terminal import paint, wants_color
 
 N = TypeVar("N")
 
@@ -69,10 +69,10 @@ class CommandParser(argparse.ArgumentParser):
             return
         known = [str(choice) for choice in action.choices]
         shown = "".join(c if c.isprintable() else "�" for c in str(value)[:80])
-        said = f"{shown!r}{suggest(str(value), known)}: one of {', '.join(known)}"
+        message = f"{shown!r}{suggest(str(value), known)}: one of {', '.join(known)}"
         if isinstance(action, argparse._SubParsersAction):
-            raise argparse.ArgumentError(None, f"unknown command {said}")
-        raise argparse.ArgumentError(action, f"invalid choice: {said}")
+            raise argparse.ArgumentError(None, f"unknown command {message}")
+        raise argparse.ArgumentError(action, f"invalid choice: {message}")
 
     def error(self, message: str) -> NoReturn:
         """Exit with one line and status 2."""

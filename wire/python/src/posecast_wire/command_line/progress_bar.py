@@ -84,5 +84,5 @@ def show_countdown(
 def _draw_bar(done: int, total: int, what: str) -> str:
     full = WIDTH * done // max(total, 1)
     bar = f"[{'#' * full}{'.' * (WIDTH - full)}] {done:,}/{total:,} "
-    room = COLUMNS - len(bar)
-    return bar + (what if len(what) <= room else f"…{what[1 - room :]}")  # for a path, its end
+    left = COLUMNS - len(bar)
+    return bar + (what if len(what) <= left else f"…{what[1 - left :]}")  # for a path, its end

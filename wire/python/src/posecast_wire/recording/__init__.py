@@ -17,9 +17,8 @@ from posecast_wire.recording.contents import (
     model_path,
     segment_path,
 )
-from posecast_wire.recording.packed import pack_segment, unpack_segment
-from posecast_wire.recording.reader import decode_recording
-from posecast_wire.recording.writer import encode_recording
+from posecast_wire.recording.reader import decode_recording, unpack_segment
+from posecast_wire.recording.writer import encode_recording, pack_segment
 
 __all__ = [
     "RECORDING_FILE",

@@ -1,9 +1,12 @@
-"""Reads `recording.json`. It refuses a document that breaks a rule of SPEC §12, with one line: what and
-where."""
+"""Reads `recording.json` and unpacks the files of segments.
+
+What breaks a rule of SPEC §12 is refused with one line: what and where.
+"""
 
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 
@@ -23,6 +26,7 @@ from posecast_wire.schema import TEXT_BYTES_MAX as SCHEMA_BYTES_MAX
 from posecast_wire.segment.envelope import ENVELOPE_BYTES_MAX
 from posecast_wire.segment.frame_chain import SEQS
 from posecast_wire.segment.records import DURATION_MS_MAX, WORDS
+from posecast_wire.segment.records import refuse as refuse_segment
 
 T = TypeVar("T")
 
@@ -33,6 +37,8 @@ CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f]")
 NOTE_CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # except line ends and tabs
 U64_DIGITS = re.compile(r"[0-9a-f]{16}")
 SHA256_DIGITS = re.compile(r"[0-9a-f]{64}")
+GZIP = b"\x1f\x8b"
+GZIP_WINDOW = 31  # 2^15 bytes, in gzip's envelope
 
 # take, run, index, from, to (Unix ms), frames, first and last seq, bytes, schema, model, missing
 _Part = tuple[int, int, int, int, int, int, int, int, int, "str | None", "str | None", int]
@@ -52,6 +58,25 @@ def decode_recording(data: bytes) -> PastRecording:
     if _whole(members.get("version"), "version", 1) > of.RECORDING_VERSION:
         refuse("version", "made by a newer Posecast")
     return _Reader(members).read()
+
+
+def unpack_segment(data: bytes) -> bytes:
+    """Return the segment's bytes, unchecked. Raises SegmentError.
+
+    Unpacking stops as soon as the result exceeds the largest segment.
+    """
+    if data[:2] != GZIP:
+        return data
+    unpacker = zlib.decompressobj(GZIP_WINDOW)
+    try:
+        segment = unpacker.decompress(data, ENVELOPE_BYTES_MAX + 1)
+    except zlib.error:
+        refuse_segment("gzip", "damaged")
+    if len(segment) > ENVELOPE_BYTES_MAX:
+        refuse_segment("gzip", f"over {ENVELOPE_BYTES_MAX} bytes")
+    if not unpacker.eof or unpacker.unused_data:
+        refuse_segment("gzip", "damaged")
+    return segment
 
 
 class _Reader:

@@ -1,12 +1,13 @@
-"""Writes `recording.json`."""
+"""Writes `recording.json`, and packs the files of segments."""
 
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Mapping
 
 from posecast_wire.recording.contents import FORMAT, RECORDING_VERSION, PastRecording, refuse
-from posecast_wire.recording.reader import decode_recording
+from posecast_wire.recording.reader import GZIP_WINDOW, decode_recording
 
 
 def encode_recording(recording: PastRecording) -> bytes:
@@ -60,6 +61,13 @@ def encode_recording(recording: PastRecording) -> bytes:
         refuse("recording", "not JSON")
     decode_recording(data)
     return data
+
+
+def pack_segment(data: bytes) -> bytes:
+    """Return the gzip of a segment, or its plain bytes if gzip is not smaller."""
+    packer = zlib.compressobj(9, zlib.DEFLATED, GZIP_WINDOW)  # without a time stamp: deterministic
+    packed = packer.compress(data) + packer.flush()
+    return packed if len(packed) < len(data) else data
 
 
 def _row(rows: Mapping[str, int], sha256: str | None, where: str) -> int | None:

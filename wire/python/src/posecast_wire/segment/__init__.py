@@ -3,8 +3,7 @@
 `posecast_wire` does not import it, because an edge does not need it.
 """
 
-from posecast_wire.segment.merged_run import MergedFrame, MergedRun, merge_segments
-from posecast_wire.segment.reader import decode_segment
+from posecast_wire.segment.reader import MergedFrame, MergedRun, decode_segment, merge_segments
 from posecast_wire.segment.records import (
     CopyRecord,
     EventRecord,

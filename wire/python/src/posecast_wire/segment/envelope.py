@@ -17,7 +17,7 @@ ENVELOPE_BYTES_MAX = PREFIX.size + HEADER_BYTES_MAX + U32.size + RECORDS_BYTES_M
 
 @dataclass(frozen=True)
 class Envelope:
-    """Bytes that are found undamaged. `count`: how many records there are said to be."""
+    """The two parts, with correct checksums. `count`: the number of records that the last bytes name."""
 
     header: ByteReader
     records: ByteReader
@@ -25,7 +25,8 @@ class Envelope:
 
 
 def open_envelope(data: bytes, magic: bytes, version: int, what: str) -> Envelope:
-    """Check lengths and checksums. `what`: a word for it. Raises SegmentError when it is none or damaged."""
+    """Check lengths and checksums. `what`: the word for such a file in errors. Raises SegmentError when it is
+    none or damaged."""
     header_end = _check_front(data, magic, version, what)
     records_at = header_end + U32.size
     records_end = len(data) - TAIL.size
@@ -37,13 +38,13 @@ def open_envelope(data: bytes, magic: bytes, version: int, what: str) -> Envelop
 def pack_envelope(
     magic: bytes, version: int, header: bytes, records: bytes | bytearray, count: int, crc: int
 ) -> bytes:
-    """The whole of it. `crc`: of the records."""
+    """The bytes of the file. `crc`: of the records."""
     front = PREFIX.pack(magic, version, len(header)) + header
     return b"".join((front, U32.pack(zlib.crc32(front)), records, TAIL.pack(END, count, crc)))
 
 
 def _check_front(data: bytes, magic: bytes, version: int, what: str) -> int:
-    """Where the header ends, which is found undamaged."""
+    """Check the header and return where it ends."""
     if data[:4] != magic[: len(data)]:
         refuse("byte 0", f"no {what}")
     if len(data) > 4 and data[4] != version:
@@ -63,7 +64,7 @@ def _check_front(data: bytes, magic: bytes, version: int, what: str) -> int:
 
 
 def _check_records(data: bytes, at: int, end: int) -> int:
-    """How many records there are said to be; their bytes are found undamaged."""
+    """Check the records' bytes and return the number of records that the last bytes name."""
     if end - at > RECORDS_BYTES_MAX:
         refuse(f"byte {at}", f"records of {end - at} bytes, {RECORDS_BYTES_MAX} allowed")
     kind, count, crc = TAIL.unpack_from(data, end)

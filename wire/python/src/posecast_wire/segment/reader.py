@@ -1,8 +1,12 @@
-"""Reads segments. What breaks a rule of SPEC §10 is refused whole, with one line that says what and where."""
+"""Reads segments, and merges those of several takes.
+
+A segment that breaks a rule of SPEC §10 is refused whole, with one line that says what and where.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from posecast_wire.frame import FRAME_BYTES_MAX
@@ -15,6 +19,30 @@ from posecast_wire.segment.frame_chain import SEQS, FrameChain
 from posecast_wire.segment.records import Record, Segment, SegmentError, SegmentStart, refuse
 
 
+class MergedFrame(NamedTuple):
+    """A frame of a run. `unix_us`: when it was accepted, µs since 1970; `late_us`: its lateness then, µs."""
+
+    unix_us: int
+    late_us: int
+    seq: int
+    frame: bytes
+
+
+@dataclass(frozen=True)
+class MergedRun:
+    """The frames of one run, each once, in the order of their numbers."""
+
+    run_id: int
+    frames: tuple[MergedFrame, ...]
+
+    @property
+    def missing(self) -> int:
+        """How many frames are missing between the first and the last one."""
+        if not self.frames:
+            return 0
+        return (self.frames[-1].seq - self.frames[0].seq) % SEQS + 1 - len(self.frames)
+
+
 class _Header(NamedTuple):
     start: SegmentStart
     duration_ms: int
@@ -24,7 +52,7 @@ class _Header(NamedTuple):
 
 
 def decode_segment(data: bytes) -> Segment:
-    """Decode a segment. Records of unknown kinds are passed over. Raises SegmentError when it is invalid."""
+    """Decode a segment. Records of unknown kinds are skipped. Raises SegmentError when it is invalid."""
     envelope = open_envelope(data, of.MAGIC, of.SEGMENT_VERSION, "segment")
     header = _read_header(envelope.header)
     chain = FrameChain()
@@ -34,9 +62,8 @@ def decode_segment(data: bytes) -> Segment:
 
 
 def read_until_frame(data: bytes) -> tuple[SegmentStart, list[Record]]:
-    """What is known of a segment when it begins, and its records up to the first frame, which is the last of
-    them; all of them if there is none. What stands behind is looked at for damage only. Raises SegmentError
-    as far as it sees that the segment is invalid."""
+    """Return the start of a segment, and its records up to and including the first frame; all of them if
+    there is no frame. Of the rest only the checksum is checked. Raises SegmentError."""
     envelope = open_envelope(data, of.MAGIC, of.SEGMENT_VERSION, "segment")
     header = _read_header(envelope.header)
     records: list[Record] = []
@@ -45,6 +72,20 @@ def read_until_frame(data: bytes) -> tuple[SegmentStart, list[Record]]:
         if isinstance(record, of.FrameRecord):
             break
     return header.start, records
+
+
+def merge_segments(segments: Iterable[Segment]) -> tuple[MergedRun, ...]:
+    """Merge the frames of segments of one robot and view by run and number; runs in the order of their
+    beginning. What several segments have is taken from the one that begins first."""
+    runs: dict[int, dict[int, MergedFrame]] = {}
+    for segment in sorted(segments, key=lambda each: each.start.from_ms):
+        if not segment.frames:
+            continue
+        found = runs.setdefault(segment.start.run_id, {})
+        for record in segment.frames:
+            unix_us = 1000 * segment.start.from_ms + record.at_us
+            found.setdefault(record.seq, MergedFrame(unix_us, record.late_us, record.seq, record.frame))
+    return tuple(MergedRun(run_id, _sort_frames(list(found.values()))) for run_id, found in runs.items())
 
 
 def _read_header(r: ByteReader) -> _Header:
@@ -124,7 +165,7 @@ def _read_records(r: ByteReader, count: int, duration_ms: int, chain: FrameChain
 
 
 def _read_record(r: ByteReader, kind: int, at_us: int, chain: FrameChain) -> Record | None:
-    """The record whose content lies from `r.at` to `r.end`; None of an unknown kind."""
+    """The record with its content from `r.at` to `r.end`; None if its kind is unknown."""
     start, size = r.at, r.end - r.at
     record: Record | None = None
     try:
@@ -137,8 +178,8 @@ def _read_record(r: ByteReader, kind: int, at_us: int, chain: FrameChain) -> Rec
             chain.add_copy(frame)
             return of.CopyRecord(at_us, frame)
     except SegmentError as e:
-        said = str(e)
-        raise SegmentError(said if said.startswith("byte ") else f"byte {start}: {said}") from None
+        reason = str(e)
+        raise SegmentError(reason if reason.startswith("byte ") else f"byte {start}: {reason}") from None
     if kind == of.EVENT:
         record = of.EventRecord(at_us, r.take_utf8("event", _checked(r, "event", size, of.EVENT_BYTES_MAX)))
     elif kind == of.INFO:
@@ -166,5 +207,11 @@ def _check_frames(header: _Header, chain: FrameChain) -> None:
     if header.frames != chain.count:
         refuse("header", f"{header.frames} frames said, {chain.count} there")
     if (header.first_seq, header.last_seq) != (chain.first_seq, chain.last_seq):
-        said = f"frames {header.first_seq} to {header.last_seq} said"
-        refuse("header", f"{said}, {chain.first_seq} to {chain.last_seq} there")
+        named = f"frames {header.first_seq} to {header.last_seq} said"
+        refuse("header", f"{named}, {chain.first_seq} to {chain.last_seq} there")
+
+
+def _sort_frames(frames: list[MergedFrame]) -> tuple[MergedFrame, ...]:
+    """Sort by number. Numbers wrap around, but a run is shorter than half of their range."""
+    middle = frames[0].seq - SEQS // 2
+    return tuple(sorted(frames, key=lambda frame: (frame.seq - middle) % SEQS))

@@ -126,7 +126,8 @@ class SegmentWriter:
         self._append(at_us, self._pack(at_us, [(kind, payload)]), 1)
 
     def _pack(self, at_us: int, parts: Sequence[tuple[int, bytes]]) -> bytes:
-        """Records of the same time. Raises SegmentError when that is past or there is no room for them."""
+        """Records that were all accepted at `at_us`. Raises SegmentError when that is before the newest one,
+        or there is no room for them."""
         if not self.at_us <= at_us < (of.DURATION_MS_MAX + 1) * 1000:
             refuse("record", f"at {at_us} µs, the one before at {self.at_us} µs")
         wait_us = at_us - self.at_us
