@@ -7,8 +7,7 @@ import functools
 import hashlib
 import json
 
-from posecast_relay.auth.addresses import find_real_address, parse_networks
-from posecast_relay.auth.origins import may_show
+from posecast_relay.auth.addresses import find_real_address, may_show, parse_networks
 from posecast_relay.config.robots_file import read_robots
 from posecast_relay.config.robots_reader import RobotsError
 from posecast_relay.core.edge_messages import read_edge_message
@@ -30,7 +29,7 @@ from posecast_relay.http.past.address import (
     write_minute,
 )
 from posecast_relay.http.past.documents import make_page
-from posecast_relay.http.thumbnails import Thumbnails
+from posecast_relay.http.previews import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.models.picture import PICTURE_TYPES, SIDE_PX_MAX, PictureError, read_picture_size
 from posecast_relay.redis.messages import pack, unpack, unpack_state

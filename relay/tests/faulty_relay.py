@@ -18,7 +18,7 @@ from posecast_relay import cli
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.http.answer_cache import AnswerCache
-from posecast_relay.http.robot_state import StateReader
+from posecast_relay.http.robots import StateReader
 from posecast_relay.runtime.boundary import isolated, isolated_task
 from posecast_relay.streaming.encodings import EventStreamEncoding, JsonEncoding, JsonOutlet
 from posecast_relay.streaming.http_connection import HttpConnection

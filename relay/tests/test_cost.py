@@ -16,8 +16,7 @@ from typing import Any
 
 import pytest
 from posecast_relay.auth.access import Access
-from posecast_relay.auth.addresses import find_real_address, parse_networks
-from posecast_relay.auth.origins import may_show
+from posecast_relay.auth.addresses import find_real_address, may_show, parse_networks
 from posecast_relay.config.robots_file import read_robots
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits

@@ -11,8 +11,7 @@ from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.http.archive_metrics import ArchiveFigures
-from posecast_relay.http.metrics import RelayCollector
+from posecast_relay.http.metrics import ArchiveFigures, RelayCollector
 from posecast_relay.http.past.held_requests import HeldRequests
 from posecast_relay.redis.past_writer import RedisPastWriter
 from posecast_relay.redis.store import RedisStore

@@ -19,7 +19,7 @@ from posecast_relay.archive.object_store import (
     ObjectStore,
     open_object_store,
 )
-from posecast_relay.store_url import StoreUrlError, check_store_url
+from posecast_relay.config.store_url import StoreUrlError, check_store_url
 from posecast_wire.command_line.installation import advise_extra
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from posecast_relay.config.built_page import CHECKOUT, find_page
+from posecast_relay.config.settings import CHECKOUT, find_page
 from posecast_relay.port_holder import name_holder
 from posecast_wire.command_line.color import paint, print_error
 

@@ -23,7 +23,7 @@ from urllib.parse import unquote, urlsplit
 from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.blocking_calls import BlockingCalls
-from posecast_relay.store_url import StoreUrlError, check_store_url
+from posecast_relay.config.store_url import StoreUrlError, check_store_url
 
 T = TypeVar("T")
 

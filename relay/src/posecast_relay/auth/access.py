@@ -11,8 +11,7 @@ from functools import partial
 
 from posecast_wire import Close
 
-from posecast_relay.auth.addresses import Addresses
-from posecast_relay.auth.origins import may_show
+from posecast_relay.auth.addresses import Addresses, may_show
 from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub

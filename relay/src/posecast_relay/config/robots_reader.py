@@ -28,8 +28,7 @@ from posecast_wire import check_name
 from posecast_wire.credential import SECRET
 from posecast_wire.toml_lines import find_line, index_lines
 
-from posecast_relay.auth.addresses import Network, parse_networks
-from posecast_relay.auth.origins import ORIGIN
+from posecast_relay.auth.addresses import ORIGIN, Network, parse_networks
 from posecast_relay.core.policy.policy import DELAY_MAX_S, FULL_HZ, PUBLIC, Audience, Policy, Rule
 
 AUDIENCES = tuple(str(audience.value) for audience in Audience)

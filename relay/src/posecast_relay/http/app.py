@@ -17,8 +17,7 @@ from posecast_relay.auth.access import Access
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import ANYONE, Grant
 from posecast_relay.core.viewer.messages import describe_pong
-from posecast_relay.http.admin.report import AdminSources
-from posecast_relay.http.admin.routes import add_admin_routes
+from posecast_relay.http.admin.routes import AdminSources, add_admin_routes
 from posecast_relay.http.answer_cache import AnswerCache
 from posecast_relay.http.answers import (
     ErrorAnswer,
@@ -37,17 +36,12 @@ from posecast_relay.http.auth import (
     make_sharing_headers,
     require_grant,
 )
-from posecast_relay.http.gzip_cache import GzipCache
-from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
-from posecast_relay.http.models import make_model_answer
-from posecast_relay.http.pages.guide import Guide
-from posecast_relay.http.pages.static_folder import KeptFiles
-from posecast_relay.http.pages.static_page import Page
+from posecast_relay.http.models import GzipCache, make_model_answer
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.http.past.routes import add_past_routes
-from posecast_relay.http.robot_state import StateReader
-from posecast_relay.http.robots import make_robot_document, make_robots_document
-from posecast_relay.http.thumbnails import Thumbnails
+from posecast_relay.http.previews import FRAME_PX, LinkPreview, Thumbnails
+from posecast_relay.http.robots import StateReader, make_robot_document, make_robots_document
+from posecast_relay.http.static import Guide, KeptFiles, Page
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
 from posecast_relay.past_source import PastAway
 from posecast_relay.runtime.dispatcher import Dispatcher

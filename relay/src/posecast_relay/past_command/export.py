@@ -20,8 +20,7 @@ from posecast_wire.recording.contents import TITLE_CHARACTERS_MAX
 from posecast_wire.recording.reader import CONTROLS
 
 from posecast_relay.archive.names import PAGE_MS
-from posecast_relay.config.built_page import find_page
-from posecast_relay.config.settings import SettingsError
+from posecast_relay.config.settings import SettingsError, find_page
 from posecast_relay.core.policy.policy import PUBLIC, Audience
 from posecast_relay.counted import write_count
 from posecast_relay.export.csv_file import TooManyColumnsError

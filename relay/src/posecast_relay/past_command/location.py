@@ -10,7 +10,7 @@ from posecast_wire import check_name
 
 from posecast_relay.archive.object_store import ObjectStore, open_object_store
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.store_url import StoreUrlError, check_store_url
+from posecast_relay.config.store_url import StoreUrlError, check_store_url
 
 
 def add_location(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -> None:

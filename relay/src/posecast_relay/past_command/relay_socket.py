@@ -9,8 +9,8 @@ from typing import Any
 
 from posecast_wire.checked import loads
 
+from posecast_relay.config.store_url import is_store_url
 from posecast_relay.plain_json import json_bytes
-from posecast_relay.store_url import is_store_url
 
 PATIENCE_S = 10.0
 ANSWER_BYTES_MAX = 64 << 20

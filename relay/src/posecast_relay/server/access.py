@@ -11,8 +11,8 @@ from posecast_wire.command_line.installation import advise_extra
 from posecast_relay.auth.access import Access, open_access
 from posecast_relay.auth.addresses import Addresses
 from posecast_relay.auth.tokens import Accounts, Tokens
+from posecast_relay.config.robots_file import RobotsWatcher
 from posecast_relay.config.robots_reader import Robots
-from posecast_relay.config.robots_watcher import RobotsWatcher
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub

@@ -11,13 +11,13 @@ from posecast_relay.archive.object_store import ObjectStore, open_object_store
 from posecast_relay.archive.reader import ArchiveReader
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.config.settings import Settings, StartError
+from posecast_relay.config.store_url import StoreUrlError
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.policy.policy import Policy
-from posecast_relay.http.archive_metrics import ArchiveFigures
+from posecast_relay.http.metrics import ArchiveFigures
 from posecast_relay.past_source import PastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.archive_upkeep import ArchiveUpkeep
-from posecast_relay.store_url import StoreUrlError
 
 READ_S = 3.0  # for a call that a waiting request needs
 

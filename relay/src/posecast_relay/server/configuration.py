@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from posecast_relay.config.robots_watcher import RobotsWatcher
+from posecast_relay.config.robots_file import RobotsWatcher
 from posecast_relay.zenoh.router import RouterSession
 
 

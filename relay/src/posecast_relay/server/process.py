@@ -16,14 +16,13 @@ import zenoh
 from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.auth.access import Access
-from posecast_relay.config.built_page import find_page
+from posecast_relay.config.robots_file import RobotsWatcher
 from posecast_relay.config.robots_reader import Robots
-from posecast_relay.config.robots_watcher import RobotsWatcher
-from posecast_relay.config.settings import Settings, StartError
+from posecast_relay.config.settings import Settings, StartError, find_page
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.roster import Headcount
-from posecast_relay.http.admin.report import AdminSources
+from posecast_relay.http.admin.routes import AdminSources
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import RelayCollector, start_metrics
 from posecast_relay.http.past.desk import PastDesk
