@@ -22,9 +22,9 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.share_link import read_link
 from posecast_relay.core.viewer import messages
+from posecast_relay.kit import json_bytes
 from posecast_relay.logging import visible
 from posecast_relay.models.manifest import read_manifest
-from posecast_relay.plain_json import json_bytes
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.store_memory import MemoryStore

@@ -11,10 +11,10 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from posecast_relay.core.histogram import BOUNDS_S, Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.http.metrics import RelayCollector
+from posecast_relay.kit import BOUNDS_S, Histogram
 from posecast_relay.logging import JsonLines
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.fan_out import FanOut

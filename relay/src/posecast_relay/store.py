@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.state.stream import Stream
+from posecast_relay.kit import Histogram
 
 
 class StateStore(Protocol):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.state.stream import Stream
+from posecast_relay.kit import Histogram
 
 
 class MemoryStore:

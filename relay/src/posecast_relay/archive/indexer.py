@@ -20,7 +20,7 @@ from posecast_relay.archive.names import DAY_MS, PAGE_MS, TOMBSTONES, PageKey
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.archive.retention import SPARE_MS, delete_old, list_views
 from posecast_relay.archive.writer import ArchiveWriter
-from posecast_relay.counted import write_count
+from posecast_relay.kit import write_count
 
 log = logging.getLogger("posecast_relay")
 

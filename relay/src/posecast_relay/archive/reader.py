@@ -16,7 +16,6 @@ from functools import partial
 from typing import TypeVar
 
 from posecast_relay.archive.day_file import list_days, load_day
-from posecast_relay.archive.expiring_cache import ExpiringCache
 from posecast_relay.archive.names import (
     DAY_MS,
     PAGE_MS,
@@ -30,6 +29,7 @@ from posecast_relay.archive.page_index import Known, LoadedPage, load_page
 from posecast_relay.core.past.day_index import LONGEST_MS, DayIndex, digest_page
 from posecast_relay.core.past.day_reach import DayReach, reach_day
 from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment, SegmentName
+from posecast_relay.kit import ExpiringCache
 from posecast_relay.past_source import PastAway
 from posecast_relay.shared_tasks import SharedTasks
 

@@ -17,7 +17,7 @@ from posecast_relay.archive.names import ArchivedName, PageKey, make_schema_key,
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.archive.page_index import Known, forget_bytes
 from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.counted import write_count
+from posecast_relay.kit import write_count
 
 log = logging.getLogger("posecast_relay")
 

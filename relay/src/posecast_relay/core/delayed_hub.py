@@ -20,7 +20,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.replica_feed import ReplicaFeed, adopt_run
 from posecast_relay.core.roster import Headcount
 from posecast_relay.core.state.stream import Event, StoredFrame, Stream
-from posecast_relay.core.timer_queue import NEVER
+from posecast_relay.kit import NEVER
 
 ENTRIES_MAX = 4000  # one minute at 60 Hz, with its events
 BYTES_MAX = 16_000_000

@@ -16,8 +16,8 @@ from posecast_relay.core.policy.admission import Refusal
 from posecast_relay.core.policy.lane import RetryPace
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
-from posecast_relay.core.timer_queue import TimerQueue
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.kit import TimerQueue
 
 
 class Headcount:

@@ -10,13 +10,13 @@ from posecast_wire.frame import REF
 
 from posecast_relay.core.actions import Action, Persist
 from posecast_relay.core.edge_messages import read_edge_message
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.roster import Headcount, Roster
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import FrameOutcome
+from posecast_relay.kit import Histogram
 
 
 class Uplink(Roster):

@@ -27,8 +27,8 @@ from posecast_wire.segment import (
 )
 from posecast_wire.segment.frame_chain import SEQS
 
-from posecast_relay.counted import write_count
 from posecast_relay.export.held_time import HeldTime
+from posecast_relay.kit import write_count
 
 CLOCKS_US = 2_000_000  # by so much the clocks of two recorders may differ; what comes later still is left out
 WAITING_BYTES_MAX = 64 << 20  # of segments that wait; beyond, the oldest frames don't wait any longer

@@ -12,10 +12,9 @@ from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from posecast_relay.core.breaker import Breaker
-from posecast_relay.core.histogram import BOUNDS_S, Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.past.recorder import Recorder
+from posecast_relay.kit import BOUNDS_S, Breaker, Histogram
 from posecast_relay.runtime.dispatcher import Dispatcher
 
 

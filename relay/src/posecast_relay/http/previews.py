@@ -23,11 +23,11 @@ from posecast_wire.checked import SCRIPT_MARKS, loads
 
 from posecast_relay.auth.access import Access
 from posecast_relay.http.robots import find_open_summary
+from posecast_relay.kit import RefusalMemory
 from posecast_relay.logging import visible
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
 from posecast_relay.models.manifest import Entry
 from posecast_relay.models.picture import PICTURE_TYPES, PictureError, PictureSize, read_picture_size
-from posecast_relay.models.refusal_memory import RefusalMemory
 
 SIDE_BY_SIDE_MAX = 6  # as in the page's own routes (spa/src/app/state/route.ts)
 LEVELS_MAX = 16  # nobody types a deeper path

@@ -17,7 +17,7 @@ from posecast_relay.core.policy.policy import ANYONE, PUBLIC, Grant, Principal
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
-from posecast_relay.plain_json import json_bytes
+from posecast_relay.kit import json_bytes
 from posecast_relay.streaming.decode_cache import DecodeCache, list_field_values
 
 VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}

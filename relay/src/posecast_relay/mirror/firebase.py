@@ -23,10 +23,10 @@ from google.auth.credentials import Credentials
 
 from posecast_relay.auth.access import Access
 from posecast_relay.blocking_calls import BlockingCalls
-from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.mirror import HZ, Mirror, NodeChange, VisibleRobot
 from posecast_relay.core.policy.admission import Applicant
 from posecast_relay.core.policy.policy import ANYONE, Grant
+from posecast_relay.kit import Breaker
 
 log = logging.getLogger("posecast_relay")
 

@@ -16,8 +16,8 @@ from posecast_relay.archive.names import TOMBSTONES
 from posecast_relay.archive.object_store import NO_SPACE, ArchiveError, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.past.deletions import Deletion
-from posecast_relay.counted import write_count
 from posecast_relay.deletion_record import make_deletion, pack_deletion
+from posecast_relay.kit import write_count
 from posecast_relay.past_command.failure import CommandFailed
 from posecast_relay.past_command.location import add_location, add_robot, open_store
 from posecast_relay.past_command.moments import TimeError, read_moment, write_span

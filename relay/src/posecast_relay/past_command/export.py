@@ -22,12 +22,12 @@ from posecast_wire.recording.reader import CONTROLS
 from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.config.settings import SettingsError, find_page
 from posecast_relay.core.policy.policy import PUBLIC, Audience
-from posecast_relay.counted import write_count
 from posecast_relay.export.csv_file import TooManyColumnsError
 from posecast_relay.export.held_time import GAP_MS, HeldTime
 from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
+from posecast_relay.kit import write_count
 from posecast_relay.past_command.failure import CommandFailed
 from posecast_relay.past_command.location import open_store, read_name
 from posecast_relay.past_command.moments import TimeError, read_moment, write_length, write_moment

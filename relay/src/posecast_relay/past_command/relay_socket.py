@@ -10,7 +10,7 @@ from typing import Any
 from posecast_wire.checked import loads
 
 from posecast_relay.config.store_url import is_store_url
-from posecast_relay.plain_json import json_bytes
+from posecast_relay.kit import json_bytes
 
 PATIENCE_S = 10.0
 ANSWER_BYTES_MAX = 64 << 20

@@ -28,8 +28,7 @@ from redis.backoff import NoBackoff
 from redis.exceptions import NoScriptError, RedisClusterException, RedisError, ResponseError
 from redis.maint_notifications import MaintNotificationsConfig
 
-from posecast_relay.core.histogram import Histogram
-from posecast_relay.core.outage_log import OutageLog
+from posecast_relay.kit import Histogram, OutageLog
 from posecast_relay.redis.dns import HostLookup
 
 T = TypeVar("T")

@@ -14,12 +14,12 @@ from functools import partial
 from typing import Any
 
 from posecast_relay.core.actions import Action, Fault
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy.policy import PUBLIC
 from posecast_relay.core.replica_feed import ReplicaFeed
 from posecast_relay.core.replica_messages import Presence, StreamState
 from posecast_relay.core.state.stream import FrameOutcome, Stream
+from posecast_relay.kit import Histogram
 from posecast_relay.redis.client import (
     REDIS_ERRORS,
     STATUS_MS,

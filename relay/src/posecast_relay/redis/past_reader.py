@@ -16,10 +16,10 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
+from posecast_relay.kit import Histogram
 from posecast_relay.past_source import ListWaiting, PastAway, Wake
 from posecast_relay.past_source_recent import RecentOnly
 from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, name_error

@@ -16,11 +16,10 @@ from typing import NamedTuple
 
 from redis.exceptions import OutOfMemoryError
 
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment
 from posecast_relay.core.past.segment_record import pack_record
-from posecast_relay.counted import write_count
+from posecast_relay.kit import Histogram, write_count
 from posecast_relay.redis.client import Call, RedisClient, cancel_tasks
 from posecast_relay.redis.deletions.span import delete_span
 from posecast_relay.redis.past_scripts import (

@@ -17,7 +17,7 @@ from posecast_relay.archive.reader import ArchiveReader
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.counted import write_count
+from posecast_relay.kit import write_count
 from posecast_relay.models.cache import ModelCache, ModelSource
 from posecast_relay.runtime.dispatcher import Dispatcher
 

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.counted import write_count
+from posecast_relay.kit import write_count
 
 log = logging.getLogger("posecast_relay")
 

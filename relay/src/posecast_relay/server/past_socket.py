@@ -26,7 +26,7 @@ from posecast_wire.checked import loads
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.deletion_record import unpack_deletion
-from posecast_relay.plain_json import json_bytes
+from posecast_relay.kit import json_bytes
 
 log = logging.getLogger("posecast_relay")
 

@@ -9,8 +9,7 @@ from weakref import WeakKeyDictionary
 from posecast_wire import MISSING, DecodedFrame, Decoder, Field, Frame, FrameError, Schema
 
 from posecast_relay.core.state.stream import StoredFrame, Stream
-from posecast_relay.plain_json import json_bytes
-from posecast_relay.streaming.turns import Turns
+from posecast_relay.kit import Turns, json_bytes
 
 # Decoding takes a microsecond per channel, on the event loop that also serves all viewers.
 ROBOT_CHANNELS_PER_S = 40_000  # decoded for one robot's viewers; further frames are skipped

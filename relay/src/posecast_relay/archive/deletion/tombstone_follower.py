@@ -22,7 +22,7 @@ from posecast_relay.archive.deletion.tombstones import (
 from posecast_relay.archive.names import PageKey
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.core.past.deletions import Deletion, Deletions
-from posecast_relay.counted import write_count
+from posecast_relay.kit import write_count
 
 log = logging.getLogger("posecast_relay")
 

@@ -19,7 +19,7 @@ from collections.abc import Callable, Collection
 from posecast_relay.archive.names import MODELS
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.counted import write_count
+from posecast_relay.kit import write_count
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 
 log = logging.getLogger("posecast_relay")

@@ -14,7 +14,7 @@ from posecast_relay.core.policy.policy import Audience, Policy
 from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Event
-from posecast_relay.core.timer_queue import TimerQueue
+from posecast_relay.kit import TimerQueue
 
 FAULTS_MAX = 16  # waiting to be reported; any more are only counted
 

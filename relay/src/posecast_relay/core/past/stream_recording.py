@@ -16,7 +16,7 @@ from posecast_relay.core.past.open_segment import OpenSegment
 from posecast_relay.core.policy.policy import Audience
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Event, StoredFrame
-from posecast_relay.core.timer_queue import NEVER
+from posecast_relay.kit import NEVER
 
 STEP_US = 1_000_000  # how far the wall clock may drift from the monotonic clock within a take
 

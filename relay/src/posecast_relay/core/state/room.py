@@ -14,10 +14,10 @@ from posecast_wire.messages import RobotStatus
 from posecast_relay.core.actions import Action, CloseConnection, Fault, Send
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.state.stream import Event, StoredFrame, Stream
-from posecast_relay.core.timer_queue import NEVER
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.cadence import RateTimer
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.kit import NEVER
 
 
 class RateGroup:

@@ -7,31 +7,10 @@ again as soon as it sends less.
 from __future__ import annotations
 
 from posecast_relay.core.limits import Limits
+from posecast_relay.kit import TokenBucket
 
-BURST_S = 1.0  # what queued up while a relay or link stalled this long may arrive at once
 OVER_FOR_S = 3.0  # after the last dropped message: a flood is one status, not one per frame
 HASHED = 2  # a KEY or REF costs twice its bytes: it is hashed and kept
-
-
-class TokenBucket:
-    """Allows `rate` units per second, and at once those of BURST_S seconds or `least`, whichever is more."""
-
-    def __init__(self, rate: float, least: float = 1.0) -> None:
-        self._rate = rate
-        self._burst = max(rate * BURST_S, least)
-        self._tokens = self._burst
-        self._filled_at = float("-inf")
-
-    def has(self, cost: float, now: float) -> bool:
-        """Whether `cost` units are available now."""
-        if now > self._filled_at:
-            self._tokens = min(self._burst, self._tokens + (now - self._filled_at) * self._rate)
-            self._filled_at = now
-        return self._tokens >= cost
-
-    def take(self, cost: float) -> None:
-        """Take `cost` units that `has` found available."""
-        self._tokens -= cost
 
 
 class Share:

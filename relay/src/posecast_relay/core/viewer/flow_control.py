@@ -9,6 +9,7 @@ from __future__ import annotations
 from posecast_wire import Close
 
 from posecast_relay.core.limits import Limits
+from posecast_relay.kit import TokenBucket
 
 
 class FlowControl:
@@ -24,6 +25,7 @@ class FlowControl:
         "join_burst_n",
         "join_burst_read_by",
         "limits",
+        "messages",
         "oldest_at",
         "oldest_n",
         "owed_at",
@@ -33,8 +35,6 @@ class FlowControl:
         "sent",
         "speaks",
         "stalled",
-        "tokens",
-        "tokens_at",
     )
 
     def __init__(self, limits: Limits, now: float, speaks: bool = True) -> None:
@@ -61,8 +61,7 @@ class FlowControl:
         # signs of life and message limits
         self.heard_at = now
         self.ping_at = now
-        self.tokens = float(limits.messages_burst)
-        self.tokens_at = now
+        self.messages = TokenBucket(limits.messages_per_s, least=limits.messages_burst)
 
     # ---- the socket -------------------------------------------------------
 
@@ -156,13 +155,10 @@ class FlowControl:
 
     def allow_message(self, now: float) -> bool:
         """Whether the viewer may send one more message now. If so, counts it."""
-        refill = (now - self.tokens_at) * self.limits.messages_per_s
-        self.tokens = min(float(self.limits.messages_burst), self.tokens + refill)
-        self.tokens_at = now
-        if self.tokens < 1.0:
-            return False
-        self.tokens -= 1.0
-        return True
+        allowed = self.messages.has(1, now)
+        if allowed:
+            self.messages.take(1)
+        return allowed
 
     def find_overdue(self, now: float) -> Close | None:
         """Return why this connection must be cut now, HALF_OPEN or NO_ACK; None if it may stay."""

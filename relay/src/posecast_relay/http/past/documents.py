@@ -14,7 +14,7 @@ from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.policy.policy import Grant
 from posecast_relay.http.past.address import PastSpan, write_day, write_minute
 from posecast_relay.http.past.extent import PastExtent
-from posecast_relay.plain_json import json_bytes
+from posecast_relay.kit import json_bytes
 
 INDEX_BYTES_MAX = 1 << 20  # of one page's response; request the rest with `after`
 WORDS: tuple[RobotStatus, ...] = ("online", "silent", "offline")  # worst last
