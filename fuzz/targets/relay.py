@@ -32,8 +32,8 @@ from posecast_relay.http.past.documents import make_page
 from posecast_relay.http.previews import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.models.picture import PICTURE_TYPES, SIDE_PX_MAX, PictureError, read_picture_size
+from posecast_relay.net.request import BadRequest, NoSuchStream, read_bearer, read_target
 from posecast_relay.redis.messages import pack, unpack, unpack_state
-from posecast_relay.streaming.request import BadRequest, NoSuchStream, read_bearer, read_target
 from posecast_wire import Snapshot
 
 from fuzz.differ import difference

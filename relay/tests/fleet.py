@@ -25,8 +25,7 @@ from posecast_relay.redis import gateway as redis_gateway
 from posecast_relay.redis import store as redis_store
 from posecast_relay.redis.gateway import RedisGateway
 from posecast_relay.redis.store import RedisStore
-from posecast_relay.runtime.dispatcher import Dispatcher, NoSource
-from posecast_relay.store_memory import MemoryStore
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, NoSource
 
 from .page import Page
 from .sim import Edge, schema

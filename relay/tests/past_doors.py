@@ -25,13 +25,13 @@ from posecast_relay.core.policy.share_link import make_link
 from posecast_relay.http.app import make_app
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.models.cache import ModelCache
+from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.sse import make_http_protocol
+from posecast_relay.net.websocket import make_live_protocol
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.runtime.dispatcher import MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.sse import make_http_protocol
-from posecast_relay.streaming.websocket import make_live_protocol
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_testing import until_async
 from posecast_wire.segment import EventRecord, FrameRecord, Segment, SegmentStart, encode_segment

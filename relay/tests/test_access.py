@@ -14,8 +14,8 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy.admission import Applicant, Refusal
 from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Rule
 from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.runtime.dispatcher import MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
 
 from .sim import Edge, Screen, schema
 

@@ -21,7 +21,7 @@ from posecast_relay.core.policy.admission import (
     find_no_room,
 )
 from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal, Rule
-from posecast_relay.runtime.boundary import FAULT
+from posecast_relay.runtime.tasks import FAULT
 from posecast_wire import Close, Retry, retry_of
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK

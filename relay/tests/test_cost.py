@@ -25,14 +25,12 @@ from posecast_relay.core.viewer import messages
 from posecast_relay.kit import json_bytes
 from posecast_relay.logging import visible
 from posecast_relay.models.manifest import read_manifest
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import EventStreamEncoding
+from posecast_relay.net.request import join_all, read_bearer, read_target
+from posecast_relay.net.websocket import make_live_protocol, read_short_text
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.encodings import EventStreamEncoding
-from posecast_relay.streaming.request import join_all, read_bearer, read_target
-from posecast_relay.streaming.viewer_frames import read_short_text
-from posecast_relay.streaming.websocket import make_live_protocol
 
 from .test_flood import BEGUN, MASK, PIECE, PING, Wire, request
 from .test_http_connection import CHUNKED, GET, POST, Desk

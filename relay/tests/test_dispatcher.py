@@ -16,10 +16,8 @@ from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
 from posecast_relay.runtime import dispatcher as dispatcher_module
-from posecast_relay.runtime.dispatcher import Dispatcher, NoSource
-from posecast_relay.runtime.fan_out import SLICE, FanOut
-from posecast_relay.runtime.io_uring import IoUring
-from posecast_relay.store_memory import MemoryStore
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, NoSource
+from posecast_relay.runtime.fan_out import SLICE, FanOut, IoUring
 from posecast_wire import Close
 
 from .sim import Edge, Screen, schema

@@ -16,9 +16,8 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.kit import BOUNDS_S, Histogram
 from posecast_relay.logging import JsonLines
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
 from posecast_testing import free_port, until
 from posecast_wire import Close
 from prometheus_client.parser import text_string_to_metric_families

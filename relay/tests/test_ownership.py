@@ -32,13 +32,13 @@ OTHERS_OBJECTS = {
     ("recording/zip_file.py", "entry.create_system"),  # zipfile.ZipInfo
     ("recording/zip_file.py", "entry.external_attr"),
     ("zenoh/auth_failures.py", "sys.stdout"),
-    ("runtime/io_uring.py", "self._syscall.restype"),  # ctypes
-    ("streaming/http_connection.py", "cycle.disconnected"),  # uvicorn's own protocol does so
-    ("streaming/http_connection.py", "self.answering.disconnected"),
-    ("streaming/http_connection.py", "self.cycle.keep_alive"),
-    ("streaming/http_connection.py", "cycle.keep_alive"),
-    ("streaming/http_connection.py", "cycle.default_headers"),
-    ("streaming/websocket.py", "self._ws.parser_exc"),  # else it holds itself in a circle
+    ("runtime/fan_out.py", "self._syscall.restype"),  # ctypes
+    ("net/http1.py", "cycle.disconnected"),  # uvicorn's own protocol does so
+    ("net/http1.py", "self.answering.disconnected"),
+    ("net/http1.py", "self.cycle.keep_alive"),
+    ("net/http1.py", "cycle.keep_alive"),
+    ("net/http1.py", "cycle.default_headers"),
+    ("net/websocket.py", "self._ws.parser_exc"),  # else it holds itself in a circle
 }
 
 

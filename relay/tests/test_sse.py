@@ -13,8 +13,8 @@ import httpx
 import pytest
 import websockets
 from posecast_relay.core.viewer import messages
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.encodings import EventStreamEncoding, JsonEncoding
+from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import EventStreamEncoding, JsonEncoding
 from posecast_testing import free_port, until
 from posecast_wire import Close, Decoder
 

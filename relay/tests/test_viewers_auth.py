@@ -32,11 +32,11 @@ from posecast_relay.core.policy.policy import Audience, Policy, Principal, Rule
 from posecast_relay.core.policy.share_link import make_link
 from posecast_relay.http.app import make_app
 from posecast_relay.models.cache import ModelCache
+from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.sse import make_http_protocol
+from posecast_relay.net.websocket import make_live_protocol
+from posecast_relay.runtime.dispatcher import MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.sse import make_http_protocol
-from posecast_relay.streaming.websocket import make_live_protocol
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_wire import Close
 
@@ -418,7 +418,7 @@ async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, goo
 
 
 async def test_a_token_that_does_not_come_ends_it(doors: Doors, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("posecast_relay.streaming.websocket.TOKEN_S", 0.2)
+    monkeypatch.setattr("posecast_relay.net.websocket.TOKEN_S", 0.2)
     assert (await doors.watch("lab", None, "?auth=1"))[-1] == Close.TOKEN
 
 

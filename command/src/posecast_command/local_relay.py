@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from posecast_relay.config.settings import CHECKOUT, find_page
-from posecast_relay.port_holder import name_holder
+from posecast_relay.runtime.port_holder import name_holder
 from posecast_wire.command_line.color import paint, print_error
 
 from posecast_command.link import (

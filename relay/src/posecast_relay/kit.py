@@ -268,9 +268,7 @@ class ExpiringCache(Generic[T]):
 
 
 REFUSED_S = 15.0  # a repaired robot waits this long, unless its manifest has changed
-REFUSED_MAX = (
-    4096  # as many as a manifest has files, each under 1 kB
-)
+REFUSED_MAX = 4096  # as many as a manifest has files, each under 1 kB
 
 
 class RefusalMemory:

@@ -22,8 +22,8 @@ from urllib.parse import unquote, urlsplit
 
 from posecast_wire.command_line.installation import advise_extra
 
-from posecast_relay.blocking_calls import BlockingCalls
 from posecast_relay.config.store_url import StoreUrlError, check_store_url
+from posecast_relay.runtime.tasks import BlockingCalls
 
 T = TypeVar("T")
 

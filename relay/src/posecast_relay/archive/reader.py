@@ -31,7 +31,7 @@ from posecast_relay.core.past.day_reach import DayReach, reach_day
 from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment, SegmentName
 from posecast_relay.kit import ExpiringCache
 from posecast_relay.past_source import PastAway
-from posecast_relay.shared_tasks import SharedTasks
+from posecast_relay.runtime.tasks import SharedTasks
 
 T = TypeVar("T")
 log = logging.getLogger("posecast_relay")

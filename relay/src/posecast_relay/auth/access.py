@@ -22,10 +22,8 @@ from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer.viewer import Viewer
-from posecast_relay.runtime.dispatcher import Dispatcher, RobotSource
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, RobotSource, StateStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store import StateStore
-from posecast_relay.store_memory import MemoryStore
 
 log = logging.getLogger("posecast_relay")
 

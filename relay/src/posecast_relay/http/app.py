@@ -18,7 +18,6 @@ from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.policy import ANYONE, Grant
 from posecast_relay.core.viewer.messages import describe_pong
 from posecast_relay.http.admin.routes import AdminSources, add_admin_routes
-from posecast_relay.http.answer_cache import AnswerCache
 from posecast_relay.http.answers import (
     ErrorAnswer,
     OEmbed,
@@ -29,13 +28,6 @@ from posecast_relay.http.answers import (
     RobotState,
     describe_bytes,
 )
-from posecast_relay.http.auth import (
-    OPEN,
-    identify_asker,
-    is_on_this_machine,
-    make_sharing_headers,
-    require_grant,
-)
 from posecast_relay.http.models import GzipCache, make_model_answer
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.http.past.routes import add_past_routes
@@ -43,9 +35,17 @@ from posecast_relay.http.previews import FRAME_PX, LinkPreview, Thumbnails
 from posecast_relay.http.robots import StateReader, make_robot_document, make_robots_document
 from posecast_relay.http.static import Guide, KeptFiles, Page
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
+from posecast_relay.net.answer_cache import AnswerCache
+from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.request import (
+    OPEN,
+    identify_asker,
+    is_on_this_machine,
+    make_sharing_headers,
+    require_grant,
+)
 from posecast_relay.past_source import PastAway
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.streaming.decode_cache import DecodeCache
 
 NO_PAGE = """The relay is running, but it has no page to show. Start it with --static DIR, the built page
 (in a checkout spa/dist, which `make setup` builds). The API is described at /openapi.json

@@ -18,7 +18,7 @@ from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.room import Room
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.kit import json_bytes
-from posecast_relay.streaming.decode_cache import DecodeCache, list_field_values
+from posecast_relay.net.decode_cache import DecodeCache, list_field_values
 
 VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}
 

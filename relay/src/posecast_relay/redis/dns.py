@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import socket
 
-from posecast_relay.blocking_calls import BlockingCalls
-from posecast_relay.shared_tasks import SharedTasks
+from posecast_relay.runtime.tasks import BlockingCalls, SharedTasks
 
 
 class HostLookup:

@@ -25,7 +25,7 @@ from posecast_relay.past_source_recent import RecentOnly
 from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, name_error
 from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import LOOK, schema_key, segment_key, stream_key
-from posecast_relay.shared_tasks import SharedTasks
+from posecast_relay.runtime.tasks import SharedTasks
 
 T = TypeVar("T")
 log = logging.getLogger("posecast_relay")

@@ -17,11 +17,9 @@ from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.core.delayed_hub import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.runtime.dispatcher import RobotSource
-from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.runtime.io_uring import IoUring
+from posecast_relay.runtime.dispatcher import RobotSource, StateStore
+from posecast_relay.runtime.fan_out import FanOut, IoUring
 from posecast_relay.server.robots import make_reader
-from posecast_relay.store import StateStore
 
 log = logging.getLogger("posecast_relay")
 

@@ -16,13 +16,12 @@ import uvicorn
 from fastapi import FastAPI
 
 from posecast_relay.auth.access import Access
+from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.http1 import HttpConnection, RequestTimeouts, add_timeouts, make_plain_http_protocol
+from posecast_relay.net.sse import make_http_protocol
+from posecast_relay.net.websocket import make_live_protocol
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.listener import BACKLOG
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.http_connection import HttpConnection, make_plain_http_protocol
-from posecast_relay.streaming.request_timeouts import RequestTimeouts, add_timeouts
-from posecast_relay.streaming.sse import make_http_protocol
-from posecast_relay.streaming.websocket import make_live_protocol
 
 log = logging.getLogger("posecast_relay")
 

@@ -8,7 +8,7 @@ import resource
 import socket
 
 from posecast_relay.config.settings import StartError
-from posecast_relay.port_holder import explain_taken
+from posecast_relay.runtime.port_holder import explain_taken
 from posecast_relay.runtime.socket_options import cut_unread
 
 log = logging.getLogger("posecast_relay")

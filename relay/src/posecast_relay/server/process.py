@@ -27,8 +27,9 @@ from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import RelayCollector, start_metrics
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.logging import LoopExceptionHandler, start_logging
-from posecast_relay.port_holder import explain_taken
+from posecast_relay.net.decode_cache import DecodeCache
 from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.runtime.port_holder import explain_taken
 from posecast_relay.server.access import follow_robots, make_access, make_limits, make_watcher
 from posecast_relay.server.configuration import Configuration
 from posecast_relay.server.http_server import RelayServer, make_server_config, settle_memory
@@ -38,7 +39,6 @@ from posecast_relay.server.past_log import describe_past
 from posecast_relay.server.robots import check_store, wait_for_robots
 from posecast_relay.server.roles import RoleServices, make_role_services
 from posecast_relay.server.waiting_server import WaitingServer
-from posecast_relay.streaming.decode_cache import DecodeCache
 from posecast_relay.zenoh.auth_failures import AuthFailures
 from posecast_relay.zenoh.certificates import CertificateError
 from posecast_relay.zenoh.router import ListenError, RouterSession, ZenohAuth, close_session

@@ -26,7 +26,7 @@ from typing import Any
 import zenoh
 from posecast_wire.keys import PREFIX
 
-from posecast_relay.port_holder import explain_taken
+from posecast_relay.runtime.port_holder import explain_taken
 from posecast_relay.zenoh.certificate_expiry import read_expiry
 from posecast_relay.zenoh.certificates import RouterCertificates
 

@@ -18,11 +18,11 @@ from posecast_relay.core.past.past_reader import NotYet, PastReader
 from posecast_relay.core.policy.past import find_past_window
 from posecast_relay.core.policy.policy import Grant, Policy
 from posecast_relay.core.policy.unseen import Unseen
-from posecast_relay.http.answer_cache import AnswerCache
 from posecast_relay.http.past.address import DAY_MS, PAGE_MS, PastSpan
 from posecast_relay.http.past.extent import PastExtent
 from posecast_relay.http.past.held_requests import HeldRequests
 from posecast_relay.http.past.key_pages import KeyPages
+from posecast_relay.net.answer_cache import AnswerCache
 from posecast_relay.past_source import PastAway, PastSource
 
 Found = KeptSegment | SegmentName | NotYet | None

@@ -21,8 +21,6 @@ from posecast_relay.core.past.past_reader import NotYet
 from posecast_relay.core.policy.admission import HIDDEN
 from posecast_relay.core.policy.past import find_past_window
 from posecast_relay.core.policy.policy import Grant
-from posecast_relay.http.auth import OPEN, require_grant
-from posecast_relay.http.etags import has_already
 from posecast_relay.http.past import documents
 from posecast_relay.http.past.address import (
     AddressError,
@@ -37,6 +35,8 @@ from posecast_relay.http.past.address import (
 )
 from posecast_relay.http.past.desk import Found, PastDesk, ShownPage
 from posecast_relay.http.past.refusals import NO_STORE, READABLE, tell_caches
+from posecast_relay.net.answer_cache import has_already
+from posecast_relay.net.request import OPEN, require_grant
 from posecast_relay.past_source import PastAway
 
 T = TypeVar("T")

@@ -8,15 +8,14 @@ from typing import NamedTuple
 
 from fastapi import Request, Response
 
-from posecast_relay.http.etags import has_already
+from posecast_relay.kit import ExpiringCache
 
 FRESH_S = 1.0  # maximum age of an answer
-ANSWERS_MAX = 256
 ANSWERS_BYTES = 8 << 20
+ANSWER_BYTES = 32 << 10  # what an answer costs at least, so that there are at most 256
 
 
 class _Made(NamedTuple):
-    at_s: float
     body: bytes
     etag: str
 
@@ -26,8 +25,7 @@ class AnswerCache:
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
-        self._made: dict[str, _Made] = {}
-        self._bytes = 0
+        self._made: ExpiringCache[_Made] = ExpiringCache(ANSWERS_BYTES)
 
     def get_answer(
         self, request: Request, name: str, make: Callable[[], bytes], more: dict[str, str]
@@ -43,22 +41,15 @@ class AnswerCache:
 
     def clear(self) -> None:
         """Forget all answers."""
-        self._made.clear()
-        self._bytes = 0
+        self._made.forget(lambda _: True)
 
     def _find(self, name: str) -> _Made | None:
         # the only place that decides whether an answer is fresh: asked twice, the clock may have moved on
-        made = self._made.get(name)
-        return made if made is not None and self._now() - made.at_s < FRESH_S else None
+        return self._made.find(name, self._now())
 
     def _keep(self, name: str, body: bytes) -> _Made:
-        made = _Made(self._now(), body, f'"{hashlib.sha256(body).hexdigest()[:16]}"')
-        before = self._made.pop(name, None)
-        self._bytes += len(body) - (0 if before is None else len(before.body))
-        if self._bytes > ANSWERS_BYTES or len(self._made) >= ANSWERS_MAX:
-            self._made.clear()
-            self._bytes = len(body)
-        self._made[name] = made
+        made = _Made(body, f'"{hashlib.sha256(body).hexdigest()[:16]}"')
+        self._made.put(name, made, max(len(body), ANSWER_BYTES), self._now() + FRESH_S)
         return made
 
 
@@ -67,3 +58,9 @@ def _send(request: Request, made: _Made, more: dict[str, str]) -> Response:
     if has_already(request, made.etag):
         return Response(status_code=304, headers=headers)
     return Response(made.body, media_type="application/json", headers=headers)
+
+
+def has_already(request: Request, etag: str) -> bool:
+    """Whether `If-None-Match` names this `etag`, with its quotes; `*` matches any."""
+    named = request.headers.get("if-none-match", "")
+    return etag in named or named.strip() == "*"

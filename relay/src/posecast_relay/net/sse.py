@@ -7,7 +7,10 @@ socket. A response through ASGI would fill buffers that the relay can't see.
 from __future__ import annotations
 
 import asyncio
+import logging
 import random
+import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -21,15 +24,10 @@ from posecast_relay.core.policy.admission import DRAIN_RETRY_S, GOING, Applicant
 from posecast_relay.core.policy.policy import ANYONE, Grant
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Viewer
-from posecast_relay.runtime.boundary import FAULT, isolated, isolated_task
-from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.runtime.socket_options import cut_unread, peer_of, use_small_buffers
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.encodings import Encoding, EventStreamEncoding, JsonEncoding
-from posecast_relay.streaming.handshake_queue import HandshakeQueue
-from posecast_relay.streaming.http_connection import HttpConnection
-from posecast_relay.streaming.pending_requests import PendingRequests
-from posecast_relay.streaming.request import (
+from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import Encoding, EventStreamEncoding, JsonEncoding
+from posecast_relay.net.http1 import HttpConnection, PendingRequests
+from posecast_relay.net.request import (
     STREAM_PATH,
     BadRequest,
     StreamRequest,
@@ -37,7 +35,43 @@ from posecast_relay.streaming.request import (
     read_bearer,
     read_target,
 )
-from posecast_relay.streaming.websocket import CLOSING_S
+from posecast_relay.net.websocket import CLOSING_S
+from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.runtime.socket_options import cut_unread, peer_of, use_small_buffers
+from posecast_relay.runtime.tasks import FAULT, isolated, isolated_task
+
+log = logging.getLogger("posecast_relay")
+
+
+TURN_S = 0.01
+
+
+class HandshakeQueue:
+    """A first-in, first-out queue of handshakes, at most one per open connection."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._working = False
+
+    def admit(self, enter: Callable[[], None]) -> None:
+        """Call `enter` later, when there is time for it."""
+        self._waiting.append(enter)
+        if not self._working:
+            self._working = True
+            asyncio.get_running_loop().call_soon(self._work)
+
+    def _work(self) -> None:
+        until = time.monotonic() + TURN_S
+        while self._waiting and time.monotonic() < until:
+            enter = self._waiting.popleft()
+            try:
+                enter()
+            except Exception as e:  # go on with the others
+                log.error("handshake failed", exc_info=e)
+        self._working = bool(self._waiting)
+        if self._working:
+            asyncio.get_running_loop().call_soon(self._work)
+
 
 HEAD = (
     b"HTTP/1.1 200 OK\r\ncontent-type: text/event-stream\r\ncache-control: no-store\r\n%s"

@@ -15,7 +15,12 @@ from typing import Protocol
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.core.viewer import messages
 from posecast_relay.core.viewer.viewer import Outlet
-from posecast_relay.streaming.decode_cache import DecodeCache
+from posecast_relay.net.decode_cache import DecodeCache
+
+# Converts the core's WebSocket messages to other formats: JSON and server-sent events.
+#
+# The same bytes go to many viewers in a row, so the last result is cached: conversion happens once per frame
+# and rate, not once per viewer.
 
 TEXT, BINARY = 1, 2  # WebSocket opcodes
 LINE_END = re.compile(r"\r\n|\r|\n")

@@ -1,27 +1,123 @@
 """uvicorn's HTTP with limits on the size of requests, on waiting requests, and on the effect of errors.
 
-The limits are the same as the proxy's (infra/Caddyfile), for clients that reach the relay's port directly. A
-request over a limit is refused before it is stored, and its connection is closed.
+The limits are the same as the proxy's (infra/Caddyfile), for clients that reach the relay's port directly.
+A request over a limit is refused before it is stored, and its connection is closed.
+
+A client that never reads occupies an answer's memory. A thousand simultaneous requests would delay
+everybody else. So addresses take turns, with a few requests per turn of the event loop. Above a limit in
+bytes, the address that uses most memory loses its oldest answer.
+
+uvicorn waits forever for a request's head. A client that sends one byte a minute would keep a socket
+forever. So connections are closed that do not complete a request in time, or hold too many bytes together.
 """
 
 from __future__ import annotations
 
 import asyncio
 import json
-from collections import Counter
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from http import HTTPStatus
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, Protocol, cast
 
 import httptools
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import find_real_address
-from posecast_relay.runtime.boundary import isolated
 from posecast_relay.runtime.socket_options import leave_unsent, peer_of
-from posecast_relay.streaming.pending_requests import PendingRequests
+from posecast_relay.runtime.tasks import isolated
+
+HELD_MOST = 48 << 20  # bytes over all addresses
+REQUEST_BYTES = 16 << 10  # memory of a running request without its answer: connection, head, task
+STARTED_PER_TURN = 8  # one takes half a millisecond
+GONE_PER_TURN = 1000
+
+
+class Requester(Protocol):
+    """A connection with a running request."""
+
+    def cut(self) -> None:
+        """Abort the connection. Raises nothing."""
+
+
+class PendingRequests:
+    """A process's queue of HTTP requests, and the bytes of unread answers."""
+
+    def __init__(self, most: int = HELD_MOST) -> None:
+        self._most = most
+        self._addresses: dict[Requester, str] = {}
+        self._held: dict[str, OrderedDict[Requester, int]] = {}  # bytes; longest without progress first
+        self._sums: Counter[str] = Counter()  # bytes
+        self.held_bytes = 0
+        self._line: OrderedDict[str, deque[tuple[Requester, Callable[[], None]]]] = OrderedDict()
+        self._working = False
+
+    def __len__(self) -> int:
+        """Return the number of running requests."""
+        return len(self._addresses)
+
+    def wait(self, asker: Requester, address: str, line: str, start: Callable[[], None]) -> None:
+        """Call `start` when it is this `line`'s turn, unless the client has left."""
+        if asker not in self._addresses:
+            self._addresses[asker] = address
+            self._held.setdefault(address, OrderedDict())[asker] = 0
+        self._line.setdefault(line, deque()).append((asker, start))
+        self.record_held(asker, 0)
+        if not self._working:
+            self._working = True
+            asyncio.get_running_loop().call_soon(self._work)
+
+    def record_held(self, asker: Requester, answer_bytes: int) -> None:
+        """Record how many bytes of an answer are unread.
+
+        Above the limit, the address that uses most memory loses a connection.
+        """
+        address = self._addresses.get(asker)
+        if address is None:
+            return
+        held, size = self._held[address], REQUEST_BYTES + answer_bytes
+        self._sums[address] += size - held[asker]
+        self.held_bytes += size - held[asker]
+        held[asker] = size
+        held.move_to_end(asker)
+        while self.held_bytes > self._most:
+            heaviest = max(self._sums, key=self._sums.__getitem__)
+            longest = next(iter(self._held[heaviest]))
+            self.leave(longest)
+            longest.cut()
+
+    def leave(self, asker: Requester) -> None:
+        """Forget a request that is answered or gone. Does nothing if it is unknown."""
+        address = self._addresses.pop(asker, None)
+        if address is None:
+            return
+        held = self._held[address]
+        size = held.pop(asker)
+        self._sums[address] -= size
+        self.held_bytes -= size
+        if not held:
+            del self._held[address], self._sums[address]
+
+    def _work(self) -> None:
+        self._working = False
+        started = gone = 0
+        while self._line and started < STARTED_PER_TURN and gone < GONE_PER_TURN:
+            line, waiting = self._line.popitem(last=False)
+            asker, start = waiting.popleft()
+            if waiting:
+                self._line[line] = waiting  # behind all others
+            if asker in self._addresses:
+                started += 1
+                start()
+            else:
+                gone += 1
+        if self._line:
+            self._working = True
+            asyncio.get_running_loop().call_soon(self._work)
+
 
 HEAD_BYTES = 16 << 10  # request line and header lines; more: 431
 LINES = 100  # of a head or a trailer; more: 431
@@ -356,3 +452,92 @@ def make_plain_http_protocol(of: Access) -> type[HttpConnection]:
         under_way = PendingRequests()
 
     return Bound
+
+
+ASK_S = 5.0  # from connecting, or from a request's first byte, to its end
+CROWD = 500  # above this number, those older than HURRIED_S are dropped; a quarter of listener.SPARE_FILES
+HURRIED_S = 1.0
+SWEEP_S = 0.5
+HEADS_BYTES = 8 << 20  # of incomplete requests on all connections; above this, the oldest are dropped
+
+
+class RequestTimeouts:
+    """Connections with an incomplete request, and its age. `cut` is called with the number of drops."""
+
+    def __init__(self, now: Callable[[], float], cut: Callable[[int], None]) -> None:
+        self._now = now
+        self._cut = cut
+        self._since: dict[asyncio.Transport, float] = {}  # the oldest first
+        self._heard: dict[asyncio.Transport, int] = {}  # bytes of their requests so far
+        self._heard_bytes = 0
+        self._timer: asyncio.TimerHandle | None = None
+
+    def start(self, transport: asyncio.Transport) -> None:
+        """Start the timeout for a connection's next request, unless it is already running."""
+        self._since.setdefault(transport, self._now())
+        if self._timer is None:
+            self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
+
+    def record_bytes(self, transport: asyncio.Transport, size: int) -> None:
+        """Record how many bytes of an incomplete request have arrived."""
+        if transport not in self._since:
+            return
+        self._heard_bytes += size - self._heard.get(transport, 0)
+        self._heard[transport] = size
+        while self._heard_bytes > HEADS_BYTES:
+            oldest = next(iter(self._heard))
+            self.stop(oldest)
+            oldest.abort()
+            self._cut(1)
+
+    def stop(self, transport: asyncio.Transport) -> None:
+        """Stop the timeout: the request is complete, or the connection is gone."""
+        self._since.pop(transport, None)
+        self._heard_bytes -= self._heard.pop(transport, 0)
+
+    def _sweep(self) -> None:
+        self._timer = None
+        now, spare = self._now(), len(self._since) - CROWD
+        late = []
+        for n, (transport, since) in enumerate(self._since.items()):
+            if now - since < (HURRIED_S if n < spare else ASK_S):
+                break
+            late.append(transport)
+        for transport in late:
+            self.stop(transport)
+            transport.abort()
+        if late:
+            self._cut(len(late))
+        if self._since:
+            self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
+
+
+def add_timeouts(base: type[HttpConnection], unasked: RequestTimeouts) -> type[HttpConnection]:
+    """Return a subclass of `base` that limits how long a request may take."""
+
+    class Guarded(base):  # type: ignore[misc, valid-type]
+        @isolated
+        def connection_made(self, transport: Any) -> None:
+            super().connection_made(transport)
+            unasked.start(transport)
+
+        @isolated
+        def connection_lost(self, exc: Exception | None) -> None:
+            unasked.stop(self.transport)
+            super().connection_lost(exc)
+
+        @isolated
+        def data_received(self, data: bytes) -> None:
+            super().data_received(data)
+            if self._in_message:
+                unasked.record_bytes(self.transport, self.request_bytes)
+
+        def on_message_begin(self) -> None:
+            unasked.start(self.transport)
+            super().on_message_begin()
+
+        def on_message_complete(self) -> None:
+            unasked.stop(self.transport)
+            super().on_message_complete()
+
+    return Guarded
