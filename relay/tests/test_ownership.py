@@ -31,7 +31,7 @@ OTHERS_OBJECTS = {
     ("server/http_server.py", "last.daemon"),
     ("recording/zip_file.py", "entry.create_system"),  # zipfile.ZipInfo
     ("recording/zip_file.py", "entry.external_attr"),
-    ("zenoh/auth_failures.py", "sys.stdout"),
+    ("zenoh/router.py", "sys.stdout"),
     ("runtime/fan_out.py", "self._syscall.restype"),  # ctypes
     ("net/http1.py", "cycle.disconnected"),  # uvicorn's own protocol does so
     ("net/http1.py", "self.answering.disconnected"),

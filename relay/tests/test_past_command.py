@@ -16,7 +16,7 @@ from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.past_command.main import run_past
-from posecast_relay.server.past_deletion import ObedientMemory
+from posecast_relay.server.past import ObedientMemory
 from posecast_relay.server.past_socket import PastSocket
 
 from .archive_world import ArchiveWorld, make_run

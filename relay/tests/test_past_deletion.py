@@ -16,7 +16,7 @@ from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.redis.deletions.feed import KEY, RedisDeletions
 from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import stream_key
-from posecast_relay.server.past_deletion import ObedientMemory
+from posecast_relay.server.past import ObedientMemory
 from posecast_testing import until_async
 
 from .past_doors import DAY, PAGE, PAGE_MS, PastDoors, address_of, make_kept

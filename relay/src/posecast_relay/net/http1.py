@@ -455,7 +455,7 @@ def make_plain_http_protocol(of: Access) -> type[HttpConnection]:
 
 
 ASK_S = 5.0  # from connecting, or from a request's first byte, to its end
-CROWD = 500  # above this number, those older than HURRIED_S are dropped; a quarter of listener.SPARE_FILES
+CROWD = 500  # above this number, those older than HURRIED_S are dropped; a quarter of http_server.SPARE_FILES
 HURRIED_S = 1.0
 SWEEP_S = 0.5
 HEADS_BYTES = 8 << 20  # of incomplete requests on all connections; above this, the oldest are dropped

@@ -42,7 +42,6 @@ from posecast_relay.runtime.tasks import FAULT, isolated, isolated_task
 
 log = logging.getLogger("posecast_relay")
 
-
 TURN_S = 0.01
 
 

@@ -8,16 +8,20 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import partial
 from typing import TYPE_CHECKING
 
 from posecast_relay.auth.access import Access
+from posecast_relay.config.robots_reader import format_duration
 from posecast_relay.config.settings import Settings
-from posecast_relay.core.past.deletions import Deletions
+from posecast_relay.core.past.deletions import Deletion, Deletions
+from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
@@ -25,16 +29,16 @@ from posecast_relay.core.policy.past import (
     compute_kept_longest_s,
     compute_kept_s,
     compute_recent_s,
+    list_idle_keeps,
     list_lookers,
 )
-from posecast_relay.core.policy.policy import Policy
+from posecast_relay.core.policy.policy import Audience, Policy, Rule
 from posecast_relay.http.past.desk import PastDesk
+from posecast_relay.kit import write_count
 from posecast_relay.models.cache import ModelCache, ModelSource
 from posecast_relay.past_source import PastSource
 from posecast_relay.past_source_memory import MemoryPastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.server.past_deletion import ObedientMemory
-from posecast_relay.server.past_log import PastLog
 from posecast_relay.server.past_socket import PastSocket, find_socket_path
 
 if TYPE_CHECKING:
@@ -42,6 +46,158 @@ if TYPE_CHECKING:
     from posecast_relay.redis.past_reader import RedisPast
     from posecast_relay.redis.past_writer import RedisPastWriter
     from posecast_relay.server.archive import ArchiveServices
+
+log = logging.getLogger("posecast_relay")
+
+CROWD_EVERY_S = 60.0  # between two lines about a robot
+IDLE_TOLD = 5  # the most robots without a kept past named in the line at the start
+
+
+def describe_past(settings: Settings, policy: Policy, *, is_new: bool = False) -> str:
+    """Describe in a line whether and how long the past is kept. `is_new`: the folder was just created."""
+    if settings.past is None:
+        return "the past: off (--past 0)"
+    archive = describe_archive(settings, policy, " (new, empty)" if is_new else "")
+    if settings.role == "gateway":
+        return "the past: from Redis" + archive
+    kept_s = compute_kept_longest_s(policy, compute_recent_s if settings.archive else compute_kept_s)
+    if not kept_s:
+        told = "the past: nothing is kept, because nobody may look back (`past` in the file of robots)"
+        return told + archive if policy.keeps_s else told
+    return f"the past: {format_duration(kept_s)} in memory, up to {settings.past_memory >> 20} MB{archive}"
+
+
+def describe_archive(settings: Settings, policy: Policy, remark: str = "") -> str:
+    """Describe which robots are kept in the object store; empty if there is none. `remark`: about the
+    store."""
+    if settings.archive is None:
+        return ""
+    if settings.role == "gateway":
+        return f"; before that from {settings.archive}"
+    at = f"{settings.archive}{remark}"
+    if policy.rules is None:
+        return f"; nothing in {at}: `keep` needs a file of robots (--robots)"
+    if not policy.keeps_s:
+        return f"; nothing in {at}: no robot has `keep` in the file of robots"
+    idle = list_idle_keeps(policy)
+    kept = ", ".join(
+        f"{robot} {format_duration(keep_s)}"
+        for robot, keep_s in policy.keeps_s.items()
+        if (robot, None) not in idle
+    )
+    told = f"; in {at}: {kept:.200}" if kept else f"; nothing in {at}"
+    return "; ".join([told, *(_describe_idle(*each) for each in idle[:IDLE_TOLD])])
+
+
+def _describe_idle(robot: str, view: str | None) -> str:
+    of, what = repr(robot), "keep" if view is None else f"view {view!r}: keep"
+    return f"{what} of {of} has no effect: nobody may look back; give an audience `past`"
+
+
+class PastLog:
+    """Logs changes."""
+
+    def __init__(self) -> None:
+        self._policy: Policy | None = None
+        self._crowded: dict[str, int] = {}  # by robot, the count that was already logged
+        self._told_at: dict[str, float] = {}
+
+    def follow(self, policy: Policy) -> None:
+        """Log which audiences can no longer see a robot, or may look back differently, and which `keep` has
+        no effect.
+
+        `describe_past` reports the first policy.
+        """
+        before, self._policy = self._policy, policy
+        if before is None:
+            return
+        idle = list_idle_keeps(policy)
+        for robot in sorted({*(before.rules or ()), *(policy.rules or ())}):
+            old, new = before.find_rules(robot), policy.find_rules(robot)
+            for audience in Audience:
+                for line in _list_changes(audience, old.get(audience), new.get(audience)):
+                    log.info("%s, %s: %s", robot, audience.value, line)
+            if before.keeps_s.get(robot) != policy.keeps_s.get(robot) and (robot, None) not in idle:
+                _tell_keep(robot, policy.keeps_s.get(robot))
+        if before != policy:
+            for each in idle:
+                log.warning("%s", _describe_idle(*each))
+
+    def report_crowding(self, kept: MemoryPast, now: float) -> None:
+        """Log each robot that has lost its oldest data because memory is full, at most once a minute."""
+        for robot, count in kept.crowded.items():
+            if count == self._crowded.get(robot, 0) or now < self._told_at.get(robot, now):
+                continue
+            self._crowded[robot], self._told_at[robot] = count, now + CROWD_EVERY_S
+            reach = format_duration(round(kept.compute_reach_s(robot, now)))
+            log.warning(
+                "the past: memory is full (--past-memory, %d MB): %s uses most of it, lost its oldest "
+                "data and reaches back %s",
+                kept.bytes_max >> 20,
+                robot,
+                reach,
+            )
+
+
+def _tell_keep(robot: str, keep_s: float | None) -> None:
+    if keep_s is not None:
+        log.warning("%s: the store keeps its past for %s", robot, format_duration(keep_s))
+        return
+    log.warning(
+        "%s: `keep` was removed: nothing more is written to the store, and existing data stays until you set "
+        "`keep` again or run `posecast-relay past delete`",
+        robot,
+    )
+
+
+def _list_changes(audience: Audience, old: Rule | None, new: Rule | None) -> Iterator[str]:
+    if old is None or new is None:
+        return  # other lines report an added or removed robot or audience
+    if old.blackout != new.blackout:
+        yield "blackout begins" if new.blackout else "blackout ends"
+    before_s, after_s = old.compute_past_s(audience), new.compute_past_s(audience)
+    if before_s != after_s:
+        yield f"may look back {format_duration(after_s)}" if after_s else "may no longer look back"
+
+
+class ObedientMemory:
+    """Wraps memory for the recorder: deleted segments are removed.
+
+    A segment that was being recorded when its deletion was ordered is neither kept when it closes nor passed
+    on.
+    """
+
+    def __init__(self, kept: MemoryPast, deletions: Deletions) -> None:
+        self._kept = kept
+        self._deletions = deletions
+        self._began_ms = time.time_ns() // 1_000_000
+        deletions.on_added(self._delete)
+
+    def add(self, segment: KeptSegment, now: float) -> None:
+        """Keep a segment that has just closed, unless it was deleted. `now`: the core's clock."""
+        if not self._deletions.cover_segment(segment):
+            self._kept.add(segment, now)
+
+    def _delete(self, deletion: Deletion) -> None:
+        gone = self._kept.delete(deletion)
+        is_new = deletion.at_ms >= self._began_ms  # older ones were logged by an earlier process
+        level = logging.WARNING if gone or is_new else logging.INFO
+        count = write_count(len(gone), "segment")
+        log.log(level, "past delete: %s: deleted %s from memory", describe_deletion(deletion), count)
+
+
+def describe_deletion(deletion: Deletion) -> str:
+    """Describe in a few words what a deletion covers."""
+    view = "all views" if deletion.view is None else f"view {deletion.view}"
+    return f"{deletion.robot}, {view}, {_write(deletion.from_ms)} to {_write(deletion.to_ms)}"
+
+
+def _write(unix_ms: int) -> str:
+    try:
+        return datetime.fromtimestamp(unix_ms / 1000, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    except (ValueError, OverflowError, OSError):  # after the year 9999
+        return f"{unix_ms} ms"
+
 
 FORGET_EVERY_S = 5.0
 
