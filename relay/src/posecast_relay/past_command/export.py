@@ -28,9 +28,15 @@ from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
 from posecast_relay.kit import write_count
-from posecast_relay.past_command.failure import CommandFailed
-from posecast_relay.past_command.location import open_store, read_name
-from posecast_relay.past_command.moments import TimeError, read_moment, write_length, write_moment
+from posecast_relay.past_command.common import (
+    CommandFailed,
+    TimeError,
+    open_store,
+    read_moment,
+    read_name,
+    write_length,
+    write_moment,
+)
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
 from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.notes import NotesError, place_notes, read_notes

@@ -41,7 +41,6 @@ from posecast_relay.runtime.port_holder import explain_taken
 
 log = logging.getLogger("posecast_relay")
 
-
 LEASE_MS = 2500  # a robot counts as gone this long after its link breaks
 PORT_TRIES = 5
 PORT_MS = 2000  # how long the next session waits for the port

@@ -1,22 +1,17 @@
-"""Computes the poses of a model's links, frame by frame, as the page shows them.
-
-Joints follow the schema's mapping. The root follows odometry; without it, the robot stands on its lowest
-point, tilted as the body's IMU measures. Without a reading in a frame, the last known value is used.
-"""
+"""Finds channels by name, with an index built in time proportional to the schema."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from posecast_wire import Schema, compute_joint_values
 from posecast_wire.mapping import JOINT, Xyz
 from posecast_wire.schema import MISSING
 
-from posecast_relay.kinematics.channel_places import ChannelPlaces
-from posecast_relay.kinematics.model_tree import VARIABLES, Box, ModelTree, Quat, TreeJoint
-from posecast_relay.kinematics.rotation import (
+from posecast_relay.export.model_tree import VARIABLES, Box, ModelTree, Quat, TreeJoint
+from posecast_relay.export.rotation import (
     SHORTEST,
     UPRIGHT,
     invert_quat,
@@ -26,6 +21,23 @@ from posecast_relay.kinematics.rotation import (
     remove_heading,
     rotate_vector,
 )
+
+
+class ChannelPlaces:
+    """The positions of a schema's channels in the code vector."""
+
+    def __init__(self, schema: Schema) -> None:
+        self._schema = schema
+        self._fields: dict[str, Mapping[str, int]] = {}
+
+    def find(self, name: str, label: str) -> int | None:
+        """Return the position of a field's channel; None if the frames have no channel of this name."""
+        if name not in self._fields:
+            field = self._schema.find_field(name)
+            labels = () if field is None else field.labels
+            start = 0 if field is None else field.start
+            self._fields[name] = {each: start + i for i, each in enumerate(labels)}
+        return self._fields[name].get(label)
 
 
 class LinkPose(NamedTuple):

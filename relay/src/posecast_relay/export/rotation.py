@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from posecast_wire.mapping import Xyz
 
-from posecast_relay.kinematics.model_tree import Quat
+from posecast_relay.export.model_tree import Quat
 
 UPRIGHT: Quat = (1.0, 0.0, 0.0, 0.0)
 SHORTEST = 1e-6  # a shorter quaternion has no direction
