@@ -13,8 +13,8 @@ from posecast_relay.core.past.segment_record import pack_record
 from posecast_relay.core.policy.policy import Audience, Rule
 from posecast_relay.deletion_record import make_deletion, pack_deletion, unpack_deletion
 from posecast_relay.past_source_memory import MemoryPastSource
-from posecast_relay.redis.deletions.feed import KEY, RedisDeletions
-from posecast_relay.redis.past_replica import PastReplica
+from posecast_relay.redis.past_deletions import KEY, RedisDeletions
+from posecast_relay.redis.past_reader import PastReplica
 from posecast_relay.redis.past_scripts import stream_key
 from posecast_relay.server.past import ObedientMemory
 from posecast_testing import until_async

@@ -12,9 +12,8 @@ from posecast_relay.core.state.robot import Robot
 from posecast_relay.core.state.stream import Stream
 from posecast_relay.redis import store as redis_store
 from posecast_relay.redis.directory import RedisDirectory
-from posecast_relay.redis.gateway import RedisGateway
+from posecast_relay.redis.gateway import RedisGateway, RedisSubscriber
 from posecast_relay.redis.store import RedisStore
-from posecast_relay.redis.subscriber import RedisSubscriber
 
 from .fleet import HZ
 from .histories import History

@@ -19,8 +19,7 @@ from typing import Any
 from posecast_wire import check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.redis.client import RedisClient
-from posecast_relay.redis.clock import RedisClock
+from posecast_relay.redis.client import RedisClient, RedisClock
 
 KEYS = ("posecast:{-}:robots", "posecast:{-}:viewers", "posecast:{-}:ingests")
 FRESH_S = 4.0  # older entries of a process are ignored

@@ -31,17 +31,8 @@ from posecast_relay.redis.client import (
     writer_key,
 )
 from posecast_relay.redis.directory import BOARD, RedisDirectory
-from posecast_relay.redis.guard import (
-    CLAIM,
-    GUARD,
-    INCOMPLETE,
-    LEASE_MS,
-    OUTRUN,
-    REFUSED,
-    STATUS,
-    STORED,
-)
 from posecast_relay.redis.messages import unpack_events
+from posecast_relay.redis.scripts import CLAIM, GUARD, INCOMPLETE, LEASE_MS, OUTRUN, REFUSED, STATUS, STORED
 from posecast_relay.redis.stream_updates import WrittenState
 from posecast_relay.redis.write_calls import gives_way, make_presence_call, make_state_call
 

@@ -16,8 +16,8 @@ from posecast_relay.redis.client import (
     status_key,
     writer_key,
 )
-from posecast_relay.redis.guard import GUARD, STATUS
 from posecast_relay.redis.messages import pack, unpack
+from posecast_relay.redis.scripts import GUARD, STATUS
 from posecast_relay.redis.stream_updates import (
     Value,
     WrittenState,

@@ -42,7 +42,7 @@ from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.server.past_socket import PastSocket, find_socket_path
 
 if TYPE_CHECKING:
-    from posecast_relay.redis.deletions.feed import RedisDeletions
+    from posecast_relay.redis.past_deletions import RedisDeletions
     from posecast_relay.redis.past_reader import RedisPast
     from posecast_relay.redis.past_writer import RedisPastWriter
     from posecast_relay.server.archive import ArchiveServices
@@ -302,7 +302,7 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
         return None
     deletions, told = Deletions(), None
     if settings.store != "memory://":
-        from posecast_relay.redis.deletions.feed import RedisDeletions  # noqa: PLC0415
+        from posecast_relay.redis.past_deletions import RedisDeletions  # noqa: PLC0415
 
         told = RedisDeletions(settings.store, deletions)
     archive: ArchiveServices | None = None
