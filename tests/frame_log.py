@@ -17,7 +17,7 @@ from posecast_wire.keys import Stamp, frame_key
 
 
 class Log:
-    """Numbers frames by the KEY or REF they are coded against; a frame whose base was lost is lost too."""
+    """Numbers frames by the KEY they are coded against; a frame whose KEY was lost is lost too."""
 
     def __init__(self) -> None:
         self._seq_of: dict[int | None, int] = {None: 0}
@@ -30,7 +30,7 @@ class Log:
         base = self._seq_of.get(header.base_id)
         if base is None or sample.attachment is None:
             return
-        if header.is_ref:
+        if header.is_key:
             self._seq_of[frame_id(frame)] = base + header.seq
         sent_s = Stamp.unpack(sample.attachment.to_bytes()).elapsed_ns / 1e9
         print(base + header.seq, sent_s, now_s, flush=True)

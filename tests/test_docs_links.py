@@ -107,7 +107,7 @@ def test_all_pages_are_checked() -> None:
     ("title", "anchor"),
     [
         ("Who may", "who-may"),
-        ("§5 Frames: KEY, REF", "5-frames-key-ref"),
+        ("§5 Frames: KEY, plain", "5-frames-key-plain"),
         ("posecast_edge & --flag", "posecast_edge----flag"),
         ("한국어 Übung", "한국어-übung"),
     ],

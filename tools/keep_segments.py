@@ -12,7 +12,7 @@ from pathlib import Path
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
-from posecast_wire import Decoder, Encoder, parse_header
+from posecast_wire import Decoder
 from posecast_wire.segment import SegmentStart, SegmentWriter, decode_segment
 
 from wire.python.tools.segment_digest import make_digest
@@ -38,14 +38,6 @@ def make_frames(stream: Stream, start_s: float, count: int) -> list[bytes]:
     return frames
 
 
-def with_refs(stream: Stream, frames: list[bytes]) -> list[bytes]:
-    """The same poses with a REF every fifth frame."""
-    decoder, encoder = Decoder(), Encoder(stream.schema, 4.0, 5)
-    decoder.add_schema(stream.schema.text)
-    states = [decoder.decode(frame) for frame in frames]
-    return [encoder.encode(state.codes, state.seq, state.t_s, state.t_s) for state in states]
-
-
 def begin(stream: Stream, index: int, **members: object) -> SegmentStart:
     """A header of the demo robot."""
     schema = hashlib.sha256(stream.schema.text.encode()).hexdigest()
@@ -69,11 +61,9 @@ def make_segments() -> Iterator[tuple[str, bytes]]:
         writer.append_frame(frame, 412 + FRAME_US * i, 137 * (i * i % 19))
     yield "key.pcs", writer.close(FROM_MS + 800)
 
-    frames = with_refs(stream, walking)
-    bases = [frame for frame in frames[:16] if parse_header(frame).is_ref]
-    writer = SegmentWriter(begin(stream, 1, event_n=6), bases[0], bases[-1])
+    writer = SegmentWriter(begin(stream, 1, event_n=6), walking[0])
     writer.append_event(event(7, FROM_MS + 4003), 3_100)
-    for i, frame in enumerate(frames[16:]):
+    for i, frame in enumerate(walking[16:]):
         writer.append_frame(frame, 9_000 + FRAME_US * i, 700)
     writer.append_event(event(8, FROM_MS + 4700, "off"), 700_000)
     yield "copies.pcs", writer.close(FROM_MS + 4701)

@@ -75,7 +75,7 @@ def play(text: str, path: Path, hz: int, key_interval_s: float, segment_s_max: f
             recorder.close_due(now_s)
             hub.take_frame("hubo", "public", frame, stamp, now_s)
             if seq == 0:
-                hub.take_snapshot("hubo", "public", Snapshot(text, {}, frame, None, None), stamp, now_s)
+                hub.take_snapshot("hubo", "public", Snapshot(text, {}, frame, None), stamp, now_s)
             hub.changed.clear()
             frames.append(len(frame))
     finally:

@@ -52,12 +52,7 @@ def test_no_snapshot_before_the_first_frame() -> None:
     assert frame is not None
     snapshot = s.make_snapshot(None, 0.0)
     assert snapshot is not None
-    assert (snapshot.schema, snapshot.key, snapshot.ref, snapshot.info) == (
-        s.schema.text,
-        frame.data,
-        None,
-        {"mode": "x"},
-    )
+    assert (snapshot.schema, snapshot.key, snapshot.info) == (s.schema.text, frame.data, {"mode": "x"})
 
 
 def test_a_sample_without_a_time_is_dropped_and_said() -> None:

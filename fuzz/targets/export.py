@@ -91,7 +91,7 @@ def posed(data: bytes) -> None:
 
 def make_seed() -> bytes:
     """A segment that has some of everything."""
-    encoder = Encoder(Schema.parse(TEXT), 4.0, 3)
+    encoder = Encoder(Schema.parse(TEXT))
     writer = SegmentWriter(SegmentStart("r", "public", 7, 0, 9, 1_764_000_000_000, "5c" * 32, "ab" * 32))
     for i in range(6):
         codes = [i, -i, 2 * i, 3, 1, 2, 900, 0, i, 400, -(1 << 28) if i == 3 else 5]

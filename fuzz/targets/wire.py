@@ -86,8 +86,8 @@ def codes_in(data: bytes, size: int) -> list[int]:
 def frames(data: bytes) -> None:
     """A schema, a line end, and frames: both decoders say the same of each.
 
-    Each frame stands after a byte that says whose id it gets (so that changed bases are found again: 1 the
-    schema's or the newest KEY's, 2 the newest REF's, else its own) and its length in two.
+    Each frame stands after a byte that says whose id it gets (so that a changed KEY is found again: 1 the
+    schema's or the newest KEY's, else its own) and its length in two.
     """
     head, _, tail = data.partition(b"\n")
     text = head.decode("utf-8", "replace")
@@ -96,7 +96,7 @@ def frames(data: bytes) -> None:
         schema_id = decoder.add_schema(text).id
     except SchemaError:
         return
-    key_id = ref_id = 0
+    key_id = 0
     sent: list[bytes] = []
     said: list[Any] = []
     at = 0
@@ -105,8 +105,8 @@ def frames(data: bytes) -> None:
         frame = tail[at + 3 : at + 3 + size]
         at += 3 + size
         is_key = frame[:1] == bytes((TAG_KEY,))
-        if len(frame) > 5 and whose in (1, 2):
-            known = schema_id if is_key else key_id if whose == 1 else ref_id
+        if len(frame) > 5 and whose == 1:
+            known = schema_id if is_key else key_id
             frame = frame[:1] + known.to_bytes(4, "little") + frame[5:]
         sent.append(frame)
         try:
@@ -115,7 +115,6 @@ def frames(data: bytes) -> None:
             said.append(type(e).__name__)
             continue
         key_id = frame_id(frame) if is_key else key_id
-        ref_id = frame_id(frame) if frame[0] & 2 else ref_id
     script = b"".join(struct.pack("<H", len(frame)) + frame for frame in sent)
     apart = difference(said, ask("frames", text.encode() + b"\n" + script), "frames")
     if apart is not None:

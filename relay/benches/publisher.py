@@ -83,7 +83,7 @@ class BenchUplink:
 
     def _answer(self, query: zenoh.Query) -> None:
         if self._encoder.key is not None:
-            snapshot = Snapshot(self._schema.text, {}, self._encoder.key, self._encoder.ref, None)
+            snapshot = Snapshot(self._schema.text, {}, self._encoder.key, None)
             query.reply(snapshot_key(self._robot, "public"), snapshot.pack(), attachment=self._stamp())
 
 

@@ -38,7 +38,6 @@ class Take:
     step_us: int = 33_333
     model: str | None = None
     segment_frames: int = 30
-    ref_every: int = 5
     schema: Schema = field(init=False)
 
     def __post_init__(self) -> None:
@@ -46,7 +45,7 @@ class Take:
 
     def encode(self, rows: Sequence[Values], first_seq: int = 100) -> list[bytes]:
         """The frames of values in the schema's order and units."""
-        encoder = Encoder(self.schema, 1.0, self.ref_every)
+        encoder = Encoder(self.schema, 1.0)
         codes = (codes_of(self.schema, row) for row in rows)
         step_s = self.step_us / 1e6
         return [
@@ -65,10 +64,9 @@ class Take:
         the frame of that index."""
         found: list[Named] = []
         writer: SegmentWriter | None = None
-        key = ref = None
+        key: bytes | None = None
         begun_us = at_us = index = 0
         for i, frame in enumerate(frames):
-            header = parse_header(frame)
             at_us = 1000 * self.from_ms + i * self.step_us + late_us
             if not heard(i):
                 continue
@@ -81,15 +79,13 @@ class Take:
                     *(hash_of(self.schema_text), self.model),
                     numbering="one",
                 )
-                writer = SegmentWriter(start, key, ref)
+                writer = SegmentWriter(start, key)
             for event in [events[i]] if events and i in events else []:
                 writer.append_event(event if isinstance(event, str) else json.dumps(event), at_us - begun_us)
             writer.append_frame(frame, at_us - begun_us, 1500)
             index += 1
-            if header.is_key:
-                key, ref = frame, None
-            elif header.is_ref:
-                ref = frame
+            if parse_header(frame).is_key:
+                key = frame
         if writer is not None:
             found.append(self._close(writer, len(found), at_us + 1000))
         return found

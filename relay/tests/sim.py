@@ -34,7 +34,7 @@ def mixed() -> Schema:
 class Edge:
     """One run of an edge: frames with their stamps, and its snapshot. Its clock is the test's."""
 
-    def __init__(self, run_id: int, of: Schema, began_s: float = 0.0, ref_every: int = 0) -> None:
+    def __init__(self, run_id: int, of: Schema, began_s: float = 0.0, key_every_s: float = 30.0) -> None:
         self.run_id = run_id
         self.schema = of
         self.began_s = began_s
@@ -42,7 +42,7 @@ class Edge:
         self.info: dict[str, str] = {}
         self.model: str | None = None
         self.codes: list[int] = [0] * of.size
-        self._encoder = Encoder(of, key_interval_s=30.0, ref_every=ref_every)
+        self._encoder = Encoder(of, key_every_s)
 
     def stamp(self, now: float) -> Stamp:
         """What is attached to a message sent at `now`."""
@@ -57,8 +57,7 @@ class Edge:
     def snapshot(self) -> Snapshot:
         """What it answers; it has sent a KEY before."""
         assert self._encoder.key is not None
-        key, ref = self._encoder.key, self._encoder.ref
-        return Snapshot(self.schema.text, self.info, key, ref, self.model)
+        return Snapshot(self.schema.text, self.info, self._encoder.key, self.model)
 
 
 def split(data: bytes) -> Iterable[tuple[int, bytes]]:
@@ -176,9 +175,9 @@ class World:
         self.hub.take_snapshot(robot, "public", edge.snapshot(), edge.stamp(self.now), self.now)
         self.flush()
 
-    def on_air(self, of: Schema | None = None, ref_every: int = 0, robot: str = "r") -> Edge:
+    def on_air(self, of: Schema | None = None, key_every_s: float = 30.0, robot: str = "r") -> Edge:
         """A robot whose token, first KEY and snapshot have come."""
-        edge = Edge(0xABC, of or schema(), began_s=self.now - 5.0, ref_every=ref_every)
+        edge = Edge(0xABC, of or schema(), began_s=self.now - 5.0, key_every_s=key_every_s)
         self.do(self.hub.set_token(robot, True, self.now))
         self.publish(edge, robot=robot)
         self.answer(edge, robot)

@@ -130,9 +130,9 @@ def read_alone(kept: KeptSegment) -> tuple[Segment, list[Frame]]:
     return segment, frames
 
 
-def on_air(world: TapedWorld, of: Schema | None = None, ref_every: int = 0) -> Edge:
+def on_air(world: TapedWorld, of: Schema | None = None) -> Edge:
     """A robot whose token, first KEY and snapshot have come."""
-    edge = Edge(0xABC, of or schema(), began_s=world.now - 5.0, ref_every=ref_every)
+    edge = Edge(0xABC, of or schema(), began_s=world.now - 5.0)
     world.do(world.hub.set_token("r", True, world.now))
     world.hear(edge, edge.frame(world.now))
     world.hear_answer(edge)

@@ -52,7 +52,7 @@ class Late(World):
 
 def test_nothing_is_seen_early_and_all_of_it_late() -> None:
     world = Late()
-    edge = world.on_air(ref_every=5)
+    edge = world.on_air(key_every_s=1.0)
     _, screen = world.watch()
     world.run(edge, DELAY_S - 0.1)
     assert screen.states == []
@@ -105,7 +105,7 @@ def test_events_info_runs_and_the_end_come_late_and_in_their_order() -> None:
 
 def test_who_comes_late_to_the_past_gets_it_in_one_write() -> None:
     world = Late()
-    edge = world.on_air(ref_every=4)
+    edge = world.on_air(key_every_s=1.0)
     world.run(edge, 8.0)
     _, screen = world.watch()
     assert screen.writes == 1
@@ -116,7 +116,7 @@ def test_who_comes_late_to_the_past_gets_it_in_one_write() -> None:
 def test_a_full_ring_leaves_out_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(delayed_hub, "ENTRIES_MAX", 60)  # two seconds of five
     world = Late()
-    edge = world.on_air(ref_every=7)
+    edge = world.on_air(key_every_s=1.0)
     _, screen = world.watch()
     world.run(edge, 20.0)
     assert world.late.left_out > 100
@@ -142,14 +142,15 @@ def test_a_ring_is_bounded_in_bytes_too(monkeypatch: pytest.MonkeyPatch) -> None
 def test_whatever_the_edge_does_the_past_decodes(seed: int) -> None:
     random = Random(seed)
     world = Late()
-    edge = world.on_air(ref_every=random.choice([0, 2, 9]))
+    edge = world.on_air(key_every_s=random.choice([30.0, 1.0, 0.3]))
     screens = [world.watch(random.choice([1, 10, 60]))[1] for _ in range(3)]
     for _ in range(400):
         world.pass_time(random.choice([0.0, 0.02, 0.1, 1.0]))
         what = random.random()
         if what < 0.03:
             names = ["A", "B", "C", "D"][: random.randint(1, 4)]
-            edge = Edge(random.getrandbits(60) + 1, schema(names), world.now, ref_every=random.choice([0, 3]))
+            key_every_s = random.choice([30.0, 0.3])
+            edge = Edge(random.getrandbits(60) + 1, schema(names), world.now, key_every_s)
             world.publish(edge)
             if random.random() < 0.7:
                 world.answer(edge)

@@ -14,6 +14,7 @@ from posecast_relay.export.csv_file import write_csv
 from posecast_relay.export.mcap_file import write_mcap
 from posecast_relay.export.table import TableEvent, TableReader, TableRow
 from posecast_wire import Encoder, Schema, build_schema_text
+from posecast_wire.frame import TAG_KEY
 from posecast_wire.segment import SegmentStart, SegmentWriter
 
 from .export_stage import EVENT, FROM_MS, Named, Nowhere, Take, hash_of, in_order, schemas_of
@@ -55,7 +56,7 @@ def test_what_one_recorder_lost_comes_from_the_other(seed: int) -> None:
 
     def heard(which: int) -> Callable[[int], bool]:
         # a recorder that lost a base hears nothing more until the next KEY: this one has them all
-        return lambda i: frames[i][0] & 2 > 0 or i not in lost[which]
+        return lambda i: frames[i][0] == TAG_KEY or i not in lost[which]
 
     both = in_order(first.record(frames, heard=heard(0)), second.record(frames, late_us, heard(1)))
     rows, reader = read(both)
@@ -160,7 +161,7 @@ def test_what_has_been_read_waits_no_longer(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(table_module, "WAITING_BYTES_MAX", 100_000)
     first, second = Take(COUNTER, take=1, segment_frames=20), Take(COUNTER, take=2, segment_frames=20)
     frames = first.encode(rows_of(1000))
-    lost = first.record(frames, heard=lambda i: frames[i][0] & 2 > 0 or i % 7 > 0)
+    lost = first.record(frames, heard=lambda i: frames[i][0] == TAG_KEY or i % 7 > 0)
     rows, _ = read(in_order(lost, second.record(frames, 500_000)))
     assert counts(rows) == list(range(1000))
 
@@ -173,7 +174,7 @@ def long_past(seconds: int, hz: int = 60) -> Iterator[Named]:
         start = SegmentStart(
             "demo", "public", 7, k, 9, FROM_MS + 1000 * k, hash_of(COUNTER), missing=0, numbering="one"
         )
-        writer = SegmentWriter(start, None, None)
+        writer = SegmentWriter(start)
         for i in range(hz):
             n = k * hz + i
             frame = encoder.encode([n % 5000, i], n, n / hz, n / hz)

@@ -69,7 +69,7 @@ class World:
         self.faults: list[Fault] = []
         self.asked: set[str] = set()
         self.escaped: list[Exception] = []
-        self.edges = {name: Edge(0xABC, schema(), began_s=995.0, ref_every=5) for name in (MINE, OTHER)}
+        self.edges = {name: Edge(0xABC, schema(), began_s=995.0) for name in (MINE, OTHER)}
         self.screens: dict[str, list[tuple[Viewer, Screen]]] = {MINE: [], OTHER: []}
 
     def keep(self, segment: KeptSegment, _now: float) -> None:
@@ -245,7 +245,7 @@ def expected() -> list[Any]:
     told = world.told()
     assert len(told) == 5
     assert world.kept > 0
-    assert all(len(frames) > 60 for _, frames, _, _ in told)
+    assert all(len(frames) > 50 for _, frames, _, _ in told)
     return told
 
 

@@ -24,7 +24,7 @@ from .stage import Relay, Watcher
 
 
 class Reader:
-    """A node as a page reads it: bases and frame must decode together, whatever was left out before."""
+    """A node as a page reads it: KEY and frame must decode together, whatever was left out before."""
 
     def __init__(self) -> None:
         self.node: dict[str, Any] = {}
@@ -36,7 +36,7 @@ class Reader:
         if "frame" in self.node:
             decoder = Decoder()
             decoder.add_schema(b64decode(self.node["schema"]).decode())
-            for name in ("key", "ref", "frame"):
+            for name in ("key", "frame"):
                 if name in self.node:
                     frame = decoder.decode(b64decode(self.node[name]))
             self.seqs.append(frame.seq)
@@ -47,7 +47,7 @@ class Mirrored:
 
     def __init__(self) -> None:
         self.world = World()
-        self.edge = self.world.on_air(ref_every=5)
+        self.edge = self.world.on_air(key_every_s=1.0)
         self.mirror = Mirror()
         self.reader = Reader()
         self.hz = 60.0
@@ -86,7 +86,7 @@ def test_only_what_has_changed_is_written() -> None:
     at = Mirrored()
     first = at.look()["r"].node
     assert first is not None
-    assert set(first) == {"schema", "key", "ref", "frame", "status"}
+    assert set(first) == {"schema", "key", "frame", "status"}
     assert at.look() == {}
     at.world.run(at.edge, 0.5)
     second = at.look()["r"].node
@@ -141,7 +141,6 @@ def test_another_schema_replaces_all() -> None:
     at.world.answer(other)
     at.look()
     assert at.reader.seqs[-1] == other.seq
-    assert "ref" not in at.reader.node
 
 
 def test_a_request_has_a_bound_and_no_robot_is_torn_apart() -> None:

@@ -113,7 +113,7 @@ def test_whatever_it_is_called_nobody_else_writes_it(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(Viewer, "__setattr__", noted)
     world = World(Limits(max_age_s=100.0, reliable_queue=2))
-    edge = world.on_air(ref_every=5)
+    edge = world.on_air(key_every_s=0.5)
     grants = [Grant("r", "public", hz, 0.0, None, Audience.ANYONE, Principal()) for hz in (60.0, 5.0)]
     viewers = []
     for hz in (30.0, 30.0, 7.0, 0.0):

@@ -39,14 +39,14 @@ class Story:
         self.edges: list[Edge] = []
         for world in self.worlds:
             world.do(world.hub.set_token("r", True, world.now))
-        self.restart(0, 0, 0, True)
+        self.restart(0, 30.0, 0, True)
 
     @property
     def now(self) -> float:
         return self.worlds[0].now
 
-    def restart(self, which: int, ref_every: int, seq: int, is_heard: bool) -> None:
-        edge = Edge(len(self.edges) + 1, SCHEMAS[which], began_s=self.now, ref_every=ref_every)
+    def restart(self, which: int, key_every_s: float, seq: int, is_heard: bool) -> None:
+        edge = Edge(len(self.edges) + 1, SCHEMAS[which], began_s=self.now, key_every_s=key_every_s)
         edge.seq = seq - 1
         self.edges.append(edge)
         if is_heard:
@@ -123,7 +123,7 @@ step = st.one_of(
     span,
     st.tuples(st.just("answer"), st.integers(0, 1), st.integers(0, 9)),
     st.tuples(
-        *(st.just("restart"), st.integers(0, 2), st.sampled_from([0, 2, 5])),
+        *(st.just("restart"), st.integers(0, 2), st.sampled_from([30.0, 0.5, 0.05])),
         *(st.sampled_from([0, 7, SEQS - 3]), st.booleans()),
     ),
     st.tuples(st.just("tell"), st.integers(0, 5), st.integers(0, 9)),

@@ -97,7 +97,7 @@ def state(edge: Edge, generation: int = 1, newest: bytes | None = None, is_heard
 
 
 def update(edge: Edge, at_s: float, *frames: bytes, generation: int = 1, late_s: float = 0.0) -> StreamUpdate:
-    """The last of these frames was made then; so were its bases, for all that the stamps say."""
+    """The last of these frames was made then; so was its KEY, for all that the stamps say."""
     stamped = tuple((edge.stamp(at_s).elapsed_ns, frame) for frame in frames)
     return StreamUpdate("public", generation, edge.run_id, "p:1", "p:1", late_s, stamped, ())
 

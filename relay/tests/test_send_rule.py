@@ -31,11 +31,11 @@ class Story:
 
     def __post_init__(self) -> None:
         self.world.do(self.world.hub.set_token("r", True, self.world.now))
-        self.restart(0, 0)
+        self.restart(0, 30.0)
 
-    def restart(self, which: int, ref_every: int) -> None:
+    def restart(self, which: int, key_every_s: float) -> None:
         self.runs += 1
-        self.edge = Edge(self.runs, SCHEMAS[which], began_s=self.world.now, ref_every=ref_every)
+        self.edge = Edge(self.runs, SCHEMAS[which], began_s=self.world.now, key_every_s=key_every_s)
 
     def publish(self, codes: list[int], lost: bool, force_key: bool) -> None:
         edge = self.edge
@@ -76,7 +76,7 @@ step = st.one_of(
     st.tuples(st.just("publish"), codes, st.just(False), st.just(1)),
     st.tuples(st.just("time"), st.sampled_from([0.001, 0.02, 1 / 30, 0.1, 0.4, 1.2])),
     st.tuples(st.just("answer")),
-    st.tuples(st.just("restart"), st.integers(0, 2), st.sampled_from([0, 2, 5])),
+    st.tuples(st.just("restart"), st.integers(0, 2), st.sampled_from([30.0, 0.5, 0.05])),
     st.tuples(st.just("join"), st.sampled_from(RATES)),
     st.tuples(st.just("leave"), st.integers(0, 9)),
     st.tuples(st.just("pause"), st.integers(0, 9)),
@@ -94,8 +94,8 @@ def play(story: Story, name: str, args: tuple[object, ...]) -> None:
             story.pass_time(seconds)
         case "answer", ():
             story.answer()
-        case "restart", (int() as which, int() as ref_every):
-            story.restart(which, ref_every)
+        case "restart", (int() as which, float() as key_every_s):
+            story.restart(which, key_every_s)
         case "join", (float() as hz,):
             story.watching.append(story.world.join(hz))
             story.check()
@@ -203,7 +203,7 @@ def test_hz_0_gets_status_events_and_descriptions_only() -> None:
 
 def test_a_join_is_one_write_in_order() -> None:
     world = World()
-    edge = world.on_air(ref_every=3)
+    edge = world.on_air()
     edge.info, edge.model = {"mode": "walking"}, "0" * 64
     world.answer(edge)
     world.do(
@@ -222,7 +222,7 @@ def test_a_join_is_one_write_in_order() -> None:
     assert screen.texts[0]["model"] == "0" * 64
     assert screen.texts[4]["n"] == 1
     assert len(screen.states) == 1
-    assert [f.seq for f in screen.frames] == [0, 3, 5]  # KEY, REF, newest
+    assert [f.seq for f in screen.frames] == [0, 5]  # KEY, newest
 
 
 def test_one_frame_is_packed_once_for_all() -> None:

@@ -37,17 +37,17 @@ def parse_events(text: str) -> list[tuple[str, str]]:
 # ---- forms, by plain calls ------------------------------------------------------
 
 
-def test_a_decoded_frame_is_made_once_for_all_and_needs_no_bases() -> None:
+def test_a_decoded_frame_is_made_once_for_all_and_needs_no_key() -> None:
     world = World()
-    edge = world.on_air(mixed(), ref_every=3)
+    edge = world.on_air(mixed())
     world.run(edge, 0.5)
     stream = world.hub.robots["r"].rooms["public"].stream
     codes = [150, (1 << 28) * -1, 3, 0]
     world.publish(edge, edge.frame(world.now, codes))
     form, newest = JsonEncoding(DecodeCache()), stream.newest
     assert newest is not None
-    assert newest.ref is not None
-    whole = stream.make_description(-1) + newest.key.packed + newest.ref.packed + newest.packed  # type: ignore[union-attr]
+    assert newest.key is not None
+    whole = stream.make_description(-1) + newest.key.packed + newest.packed
     found = [(op, json.loads(payload)) for op, payload in split(form.encode(whole, stream))]
     assert [(op, doc["type"]) for op, doc in found] == [(1, "schema"), (1, "frame")]
     assert found[1][1] == {
@@ -92,7 +92,7 @@ def test_every_message_becomes_an_event_named_by_its_type() -> None:
 
 def test_a_viewer_of_decoded_frames_counts_them_in_its_acknowledgements() -> None:
     world = World()
-    edge = world.on_air(ref_every=2)
+    edge = world.on_air()
     viewer, _ = world.join()
     viewer.decoded = True
     before = viewer.sent

@@ -12,9 +12,9 @@ from posecast_wire import Snapshot
 from .sim import Edge, World, schema
 
 
-def test_the_newest_frame_and_its_bases() -> None:
+def test_the_newest_frame_and_its_key() -> None:
     world = World()
-    edge = world.on_air(ref_every=3)
+    edge = world.on_air(key_every_s=0.08)
     stream = world.hub.robots["r"].rooms["public"].stream
     for _ in range(4):
         world.pass_time(0.03)
@@ -22,9 +22,8 @@ def test_the_newest_frame_and_its_bases() -> None:
     assert stream.newest is not None
     assert stream.newest.seq == 4
     assert stream.newest.key is stream.key
-    assert stream.newest.ref is stream.ref
-    assert stream.ref is not None
-    assert stream.ref.seq == 3
+    assert stream.key is not None
+    assert stream.key.seq == 3
     assert stream.newest.t_s == pytest.approx(world.now, abs=2e-3)
 
 
@@ -60,6 +59,7 @@ def test_numbers_go_round() -> None:
         (b"", "bad"),
         (b"\x10", "bad"),
         (b"\x14" + bytes(20), "bad"),
+        (b"\x12" + bytes(20), "bad"),  # REF, which is reserved
         (b"\x20" + bytes(20), "version"),
         (b"\x10" + bytes(1 << 16), "oversized"),
     ],
@@ -146,7 +146,7 @@ def test_a_schema_that_is_none_is_refused_although_its_key_names_it() -> None:
     forged = key[:1] + fnv1a32(text.encode()).to_bytes(4, "little") + key[5:]
     stream = Stream("r", "public", Limits())
     with pytest.raises(ValueError, match="snapshot: v: "):
-        stream.apply_snapshot(Snapshot(text, {}, forged, None, None), 7, 0.0)
+        stream.apply_snapshot(Snapshot(text, {}, forged, None), 7, 0.0)
     assert stream.schema is None
 
 

@@ -11,7 +11,7 @@ import { ClockRobot } from './truth.ts';
 const stage = setStage();
 
 /** The content of one picture: the chip's state and text, the banner's state and text, and the target and actual grey of the body
- *  (0…1); null without a banner or body. */
+ *  (0…1); null without a banner or body. `number`: which picture it was. */
 interface Seen {
   readonly chip: string;
   readonly says: string;
@@ -20,13 +20,15 @@ interface Seen {
   readonly old: boolean | null;
   readonly grey: number | null;
   readonly atMs: number;
+  readonly number: number;
 }
 
 /** Runs before the page's own scripts: after each picture, records what it showed, if that changed. */
 const LOOKING = `(() => {
   const seen = (window.seen = []);
-  let before = '';
+  let before = '', number = 0;
   const note = () => {
+    number += 1;
     const chip = document.querySelector('[data-testid="liveness"]');
     if (chip === null) return;
     const banner = document.querySelector('[data-testid="stage-note"]');
@@ -42,7 +44,7 @@ const LOOKING = `(() => {
     const text = JSON.stringify(all);
     if (text === before) return;
     before = text;
-    seen.push({ ...all, atMs: performance.now() });
+    seen.push({ ...all, atMs: performance.now(), number });
   };
   const look = () => {
     setTimeout(note); // after everything that this picture changes has changed
@@ -62,25 +64,27 @@ const REASONS = [
   [/relay full/, /relay is full/],
 ] as const;
 
-/** Occasional pictures are enough to show that the fading is complete. */
+/** After this time and so many pictures the fading has begun. A busy machine may have time for no picture. */
 const FADED_MS = 1000;
+const FADED_PICTURES = 5;
 
 /** Lists how chip, banner and body disagreed. */
 async function disagreements(page: Page): Promise<string[]> {
   const seen = await page.evaluate<Seen[]>('window.seen');
   const found = new Set<string>();
-  let sinceMs = 0;
+  let since = { atMs: 0, number: 0 };
   seen.forEach((now, i) => {
-    const { chip, says, banner, why, old, grey, atMs } = now;
+    const { chip, says, banner, why, old, grey } = now;
     const where = `${says} | ${why} | ${old} ${grey}`;
-    if (i === 0 || isClaim(chip) !== isClaim(seen[i - 1]!.chip)) sinceMs = atMs;
+    if (i === 0 || isClaim(chip) !== isClaim(seen[i - 1]!.chip)) since = now;
     if ((chip === 'STALE' || chip === 'OFFLINE') !== (banner !== null)) found.add(`banner or none: ${where}`);
     if (banner !== null && banner !== chip) found.add(`banner says ${banner}: ${where}`);
     for (const [short, long] of REASONS)
       if (banner !== null && short.test(says) !== long.test(why)) found.add(`another reason: ${where}`);
     if (old !== null && old === isClaim(chip)) found.add(`body: ${where}`);
-    const lasts = (seen[i + 1]?.atMs ?? atMs) - sinceMs;
-    if (grey !== null && lasts > FADED_MS && grey > 0 === isClaim(chip)) found.add(`colour: ${where}`);
+    const until = seen[i + 1] ?? now;
+    const lasts = until.atMs - since.atMs > FADED_MS && until.number - since.number > FADED_PICTURES;
+    if (grey !== null && lasts && grey > 0 === isClaim(chip)) found.add(`colour: ${where}`);
   });
   return [...found];
 }

@@ -20,10 +20,8 @@ def main(url: str, robot: str) -> None:
         sys.exit(f"nothing under {key}; keys: {sorted(store.keys('*'))}")
     decoder = Decoder()
     decoder.add_schema(state[b"schema"].decode())
-    frame = decoder.decode(state[b"key"])
-    for base in (b"ref", b"frame"):
-        if state.get(base):
-            frame = decoder.decode(state[base])
+    decoder.decode(state[b"key"])
+    frame = decoder.decode(state[b"frame"])
     labels = frame.schema.find_field("pos")
     values = dict(zip(labels.labels if labels else (), frame.values("pos"), strict=True))
     json.dump({"seq": frame.seq, "pos": values}, sys.stdout)

@@ -62,8 +62,6 @@ def main(relay: str, robot: str) -> None:
                 snapshot = Snapshot.unpack(reply.ok.payload.to_bytes())
                 decoder.add_schema(snapshot.schema)
                 decoder.decode(snapshot.key)
-                if snapshot.ref is not None:
-                    decoder.decode(snapshot.ref)
         except FrameError as error:
             sys.exit(f"tap: {error}")
 

@@ -193,7 +193,7 @@ export class LaneRelay {
       eventEveryMs,
       lateMs,
     } = this.#story;
-    let encoder = new Encoder(SCHEMA, keyMs / 1000, 7);
+    let encoder = new Encoder(SCHEMA, keyMs / 1000);
     let [run, seq, n, keyOf] = [1, 1, 0, keyMs];
     let word: RobotStatus = 'offline';
     let newestMs = Number.NEGATIVE_INFINITY;
@@ -228,7 +228,7 @@ export class LaneRelay {
         if (restarts !== run) seq = 1;
         run = restarts;
         if (laterKeyMs !== undefined && atMs >= laterKeyMs.atMs) keyOf = laterKeyMs.keyMs;
-        encoder = new Encoder(SCHEMA, keyOf / 1000, 7);
+        encoder = new Encoder(SCHEMA, keyOf / 1000);
       }
       if (pauses.some(({ fromMs, toMs }) => atMs >= fromMs && atMs < toMs)) {
         if (atMs - newestMs > OFFLINE_MS) say(atMs, 'offline');
@@ -276,7 +276,6 @@ export class LaneRelay {
     };
     let word: RobotStatus = 'offline';
     let key: TrueFrame | null = null;
-    let ref: TrueFrame | null = null;
     let open: {
       readonly start: SegmentStart;
       readonly beganMs: number;
@@ -322,7 +321,7 @@ export class LaneRelay {
       const { atMs } = each;
       if (atMs >= untilMs) break;
       const frame = 'frame' in each ? each.frame : null;
-      if (frame?.isKey) [key, ref] = [frame, null];
+      if (frame?.isKey) key = frame;
       if (atMs < fromMs) {
         if ('word' in each) word = each.word;
         if ('event' in each && !this.#story.otherForgets) {
@@ -330,7 +329,6 @@ export class LaneRelay {
           note(each.event.text);
         }
         if (frame !== null) runId = frame.runId;
-        if (frame !== null && isRef(frame)) ref = frame;
         continue;
       }
       if (open !== null && atMs - (open as { beganMs: number }).beganMs >= 6000)
@@ -344,10 +342,8 @@ export class LaneRelay {
       const { start, records } = enter(atMs);
       const atUs = atUsOf(atMs, start);
       if (frame !== null) {
-        if (!frame.isKey && !records.some(({ kind }) => kind === 'frame') && key !== null) {
+        if (!frame.isKey && !records.some(({ kind }) => kind === 'frame') && key !== null)
           records.push({ kind: 'copy', atUs, frame: key.bytes });
-          if (ref !== null) records.push({ kind: 'copy', atUs, frame: ref.bytes });
-        }
         records.push({
           kind: 'frame',
           atUs,
@@ -355,7 +351,6 @@ export class LaneRelay {
           seq: frame.seq,
           frame: frame.bytes,
         });
-        if (isRef(frame)) ref = frame;
       } else if ('event' in each) {
         records.push({ kind: 'event', atUs, text: each.event.text });
         eventN = each.event.n;
@@ -368,10 +363,6 @@ export class LaneRelay {
     }
     close(Math.min(untilMs, this.#story.lastsMs));
   }
-}
-
-function isRef({ bytes }: TrueFrame): boolean {
-  return bytes[0] === 0x12;
 }
 
 function textBytes(text: string): Uint8Array {

@@ -26,7 +26,7 @@ it('says STALE in the very moment in which the pose gets too old', () => {
   twin.acceptStatus({ robot: 'online', ageMs: 20, seq: 7, degraded: false, overShare: false, atMs: shownMs });
   Object.assign(twin.evidence, { freshMs: shownMs, shownMs });
   const said: [string | null, number][] = [];
-  watch.onWord(() => said.push([watch.word, nowMs() - shownMs]));
+  watch.onWord(() => watch.word !== said.at(-1)?.[0] && said.push([watch.word, nowMs() - shownMs]));
   for (const atMs of [600, 1200]) {
     vi.advanceTimersByTime(shownMs + atMs - nowMs());
     const ageMs = nowMs() - shownMs;
@@ -36,6 +36,19 @@ it('says STALE in the very moment in which the pose gets too old', () => {
   watch.close();
   expect(said.map(([word]) => word)).toEqual(['LIVE', 'STALE']);
   expect(Math.round(said[1]?.[1] ?? Number.NaN)).toBe(STALE_AFTER_MS);
+});
+
+it('tells of another cause at once, though the word stays, so that chip and banner name the same one', () => {
+  const { twin, watch } = watched();
+  const told: string[] = [];
+  watch.onWord(() => told.push(`${watch.word}, ${watch.verdict().cause}`));
+  vi.advanceTimersByTime(100);
+  const status = { ageMs: 600, seq: 7, degraded: false, overShare: false, atMs: nowMs() };
+  twin.acceptStatus({ robot: 'silent', ...status });
+  vi.advanceTimersByTime(100);
+  twin.acceptConnection(false, nowMs());
+  expect(told).toEqual(['STALE, robot silent', 'STALE, no connection']);
+  watch.close();
 });
 
 /** Time passes while the page is blocked. */
@@ -60,7 +73,7 @@ function watched() {
   twin.acceptWatching(true, nowMs());
   fresh(twin);
   const said: (string | null)[] = [];
-  watch.onWord(() => said.push(watch.word));
+  watch.onWord(() => watch.word !== said.at(-1) && said.push(watch.word));
   vi.advanceTimersByTime(200);
   expect(watch.word).toBe('LIVE');
   return { twin, watch, said, doubts, slept: () => slept };

@@ -5,9 +5,7 @@ export interface Held {
   bytes: Uint8Array;
   id: number;
   seq: number;
-  isBase: boolean;
   key: Held | null;
-  ref: Held | null;
 }
 
 /** The relay's own clock, ms. */
@@ -15,10 +13,9 @@ export function clockMs(nowMs: number): number {
   return 7e11 + nowMs;
 }
 
-/** A relay for one robot: keeps the newest frame and its base. Times are ms of the simulation's clock. */
+/** A relay for one robot: keeps the newest frame and its KEY. Times are ms of the simulation's clock. */
 export class Relay {
   key: Held | null = null;
-  ref: Held | null = null;
   newest: Held | null = null;
   liveMs: number | null = null;
   /** The edge has just sent the newest one. */
@@ -33,18 +30,14 @@ export class Relay {
     if (header.isKey) {
       if (run === this.#run && header.seq <= (this.newest?.seq ?? -1)) return;
       this.#run = run;
-      this.key = { bytes, id, seq: header.seq, isBase: true, key: null, ref: null };
-      this.ref = null;
+      this.key = { bytes, id, seq: header.seq, key: null };
       this.newest = this.key;
     } else {
-      const base = [this.key, this.ref].find((one) => one?.id === header.baseId);
-      if (base == null || run !== this.#run || base.seq + header.distance <= (this.newest?.seq ?? -1)) return;
-      const held = {
-        ...{ bytes, id, seq: base.seq + header.distance, isBase: header.isRef },
-        ...{ key: this.key, ref: base === this.key ? null : base },
-      };
-      if (header.isRef) this.ref = held;
-      this.newest = held;
+      const { key } = this;
+      if (key?.id !== header.baseId || run !== this.#run) return;
+      const seq = key.seq + header.distance;
+      if (seq <= (this.newest?.seq ?? -1)) return;
+      this.newest = { bytes, id, seq, key };
     }
     this.isLive = liveMs !== null;
     if (liveMs !== null) this.liveMs = liveMs;

@@ -52,7 +52,7 @@ type Wire = { text: string } | { frame: Uint8Array };
 /** The network between relay and page for one connection. */
 class Connection {
   readonly on: 'websocket' | 'events';
-  given: { key: Held | null; ref: Held | null; newest: Held | null } = { key: null, ref: null, newest: null };
+  given: { key: Held | null; newest: Held | null } = { key: null, newest: null };
   hz = 1;
   frameMs = 0;
   statusMs = 0;
@@ -82,7 +82,7 @@ export class World {
   readonly #onItsWayMs: number;
   readonly #twin = new RobotTwin('demo', EPOCH_MS);
   #relay = new Relay();
-  #encoder = new Encoder(SCHEMA, 4, 30);
+  #encoder = new Encoder(SCHEMA);
   #seq = 0;
   #run = 1;
   #encodedMs = 0;
@@ -165,7 +165,7 @@ export class World {
       case 'edge restarted': // gone for this long, then a new run
         this.#relay.token = !begins;
         if (!begins) {
-          this.#encoder = new Encoder(SCHEMA, 4, 30);
+          this.#encoder = new Encoder(SCHEMA);
           this.#run += 1;
           this.#seq = 0;
         }
@@ -203,8 +203,8 @@ export class World {
 
   /** The relay requests the newest frame from the edge; its age is unknown. */
   #snapshot(): void {
-    const { key, ref } = this.#encoder;
-    for (const bytes of [key, ref]) if (bytes !== null) this.#relay.take(bytes, this.#run, null);
+    const { key } = this.#encoder;
+    if (key !== null) this.#relay.take(key, this.#run, null);
   }
 
   /** The data held by the link arrives one by one, as over a slow connection. */
@@ -284,10 +284,8 @@ export class World {
     // A frame that the edge has not just sent is sent with its age, so that it does not count as a sign of life.
     if (!this.#relay.isLive) this.#write(link, { text: this.#relay.status(this.nowMs) });
     if (newest.key !== null && link.given.key !== newest.key) this.#write(link, { frame: newest.key.bytes });
-    if (newest.ref !== null && link.given.ref !== newest.ref) this.#write(link, { frame: newest.ref.bytes });
     this.#write(link, { frame: newest.bytes });
-    const key = newest.key ?? newest;
-    link.given = { key, ref: newest.isBase && newest !== key ? newest : newest.ref, newest };
+    link.given = { key: newest.key ?? newest, newest };
   }
 
   #write(link: Connection, wire: Wire): void {

@@ -24,15 +24,12 @@ describe('whatever was recorded', () => {
           overlap: fc.nat({ max: 150 }),
           aheadMs: fc.integer({ min: -400, max: 400 }),
           restartAt: fc.option(fc.integer({ min: 100, max: 300 })),
-          refEvery: fc.constantFrom(0, 3),
           acts: fc.array(act, { minLength: 1, maxLength: 4 }),
         }),
-        async ({ lost: [lostA, lostB], takes, overlap, aheadMs, restartAt, refEvery, acts }) => {
+        async ({ lost: [lostA, lostB], takes, overlap, aheadMs, restartAt, acts }) => {
           const runs = [
-            sent(restartAt ?? 400, { refEvery, keyEveryS: 1 }),
-            restartAt === null
-              ? []
-              : sent(400 - restartAt, { refEvery, keyEveryS: 1, fromMs: at(restartAt / 10) }),
+            sent(restartAt ?? 400, { keyEveryS: 1 }),
+            restartAt === null ? [] : sent(400 - restartAt, { keyEveryS: 1, fromMs: at(restartAt / 10) }),
           ];
           const segments = runs.flatMap((frames, run) => {
             const runId = `00000000000000b${run}`;

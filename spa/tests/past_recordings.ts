@@ -40,21 +40,13 @@ export interface Sending {
   readonly firstSeq?: number;
   readonly everyMs?: number;
   readonly fromMs?: number;
-  readonly refEvery?: number;
   /** Between isolated frames, s. */
   readonly keyEveryS?: number;
 }
 
 export function sent(count: number, given: Sending = {}): Sent[] {
-  const {
-    schema = SCHEMA,
-    firstSeq = 0,
-    everyMs = 100,
-    fromMs = FROM_MS,
-    refEvery = 0,
-    keyEveryS = 2,
-  } = given;
-  const encoder = new Encoder(schema, keyEveryS, refEvery);
+  const { schema = SCHEMA, firstSeq = 0, everyMs = 100, fromMs = FROM_MS, keyEveryS = 2 } = given;
+  const encoder = new Encoder(schema, keyEveryS);
   return Array.from({ length: count }, (_, i) => {
     const seq = firstSeq + i;
     const tS = 50 + (i * everyMs) / 1000;
@@ -96,7 +88,7 @@ export function recorded(frames: readonly Sent[], recording: Recording = {}): Se
   }[] = [];
   let word = recording.wordBefore ?? 'online';
   const open = new Map<string, string>();
-  let bases: Uint8Array[] = [];
+  let key: Uint8Array | null = null;
   let isOpen = false;
   let framed = false;
   const enter = (atMs: number): (typeof segments)[number] => {
@@ -126,19 +118,15 @@ export function recorded(frames: readonly Sent[], recording: Recording = {}): Se
     const atMs = item.atMs + aheadMs;
     if ('frame' in item) {
       const { frame, seq } = item.frame;
-      const header = parseHeader(frame);
-      // a recorder requests bases that it did not receive, as far as other frames need them
-      const isBase = header.isKey || header.isRef;
+      const { isKey } = parseHeader(frame);
       if (hears(item.frame)) {
-        if (header.isKey && isOpen && atMs - segments.at(-1)!.fromMs >= 1000) isOpen = false;
+        if (isKey && isOpen && atMs - segments.at(-1)!.fromMs >= 1000) isOpen = false;
         const segment = enter(atMs);
-        if (!framed && !header.isKey)
-          for (const copy of bases) put(segment, atMs, { kind: 'copy', frame: copy });
+        if (!framed && !isKey && key !== null) put(segment, atMs, { kind: 'copy', frame: key });
         framed = true;
         put(segment, atMs, { kind: 'frame', lateUs: 5000, seq, frame });
-      } else if (isBase) isOpen = false; // the next segment begins with copies
-      if (header.isKey) bases = [frame];
-      else if (header.isRef) bases = [bases[0]!, frame];
+      } else if (isKey) isOpen = false; // the recorder requests the KEY: the next segment begins with a copy
+      if (isKey) key = frame;
     } else {
       const { event, word: changed } = item.each;
       const segment = enter(atMs);

@@ -66,8 +66,8 @@ export class Frames {
   #seq: number;
   #nowS = 0;
 
-  constructor(firstSeq = 1, refEvery = 0) {
-    this.#encoder = new Encoder(SCHEMA, 4, refEvery);
+  constructor(firstSeq = 1) {
+    this.#encoder = new Encoder(SCHEMA);
     this.#seq = firstSeq;
   }
 

@@ -275,10 +275,10 @@ describe('frames', () => {
     expect(states(rig)[0]?.changedMs).toBe(rig.now);
   });
 
-  it('coded against a REF are read like the others', () => {
+  it('coded against a KEY and isolated ones are read alike', () => {
     const rig = opened();
-    const frames = new Frames(1, 2);
-    for (let i = 0; i < 6; i++) rig.frame(frames.next({ 'pos.RKN': i }));
+    const frames = new Frames();
+    for (let i = 0; i < 6; i++) rig.frame(frames.next({ 'pos.RKN': i }, i === 3));
     const pos = SCHEMA.field('pos');
     expect(states(rig).map((s) => s.codes[(pos?.start ?? 0) + 1])).toEqual([0, 1, 2, 3, 4, 5]);
   });

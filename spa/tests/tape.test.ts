@@ -21,7 +21,7 @@ async function partsOf(segments: ReturnType<typeof recorded>, schema = SCHEMA): 
 
 describe('TapePart', () => {
   it('has frames with their moments and lateness, decoded once', async () => {
-    const frames = sent(50, { refEvery: 3 });
+    const frames = sent(50);
     const [, part] = await partsOf(recorded(frames));
     const decode = vi.spyOn(part!.reader!.decoder, 'decode');
     expect(part!.isOpen).toBe(false);

@@ -14,7 +14,6 @@ from tests.attack.hostile_robot import Robot, key_frame, open_session, plain_fra
 from tests.attack.target import Steps, Target, attack
 
 AS_FAST_AS_IT_GOES = 1e9
-REF_TAG = b"\x12"
 ONE_BASE_FRAMES = 60_000  # a distance is a u16
 
 
@@ -76,19 +75,12 @@ def plain_frames_unpaced(at: Target) -> Steps:
 
 
 @attack()
-def refs_of_2_kb(at: Target) -> Steps:
-    """REFs of 2 kB, which the relay hashes, 10,000 a second"""
+def keys_of_2_kb(at: Target) -> Steps:
+    """KEYs of 2 kB, which the relay hashes, 10,000 a second"""
     robot = Robot(at).on_air()
-    key = robot.frame(key=True)
-    robot.put(key)
-    distance = itertools.count(1)
     yield
-
-    def put() -> None:
-        frame = plain_frame(frame_id(key), next(distance) % ONE_BASE_FRAMES, bytes(2000))
-        robot.put(REF_TAG + frame[1:])
-
-    return at.paced(10_000, put)
+    seq = itertools.count(robot.seq + 1)
+    return at.paced(10_000, lambda: robot.put(key_frame(robot.schema.id, next(seq), 2_000)))
 
 
 @attack()

@@ -118,9 +118,9 @@ class Robot:
         """A valid one with changes."""
         if self._encoder.key is None:
             self.frame(key=True)
-        key, ref = self._encoder.key, self._encoder.ref
+        key = self._encoder.key
         assert key is not None
-        return Snapshot(schema or self.schema.text, info or {}, key, ref, self.model).pack()
+        return Snapshot(schema or self.schema.text, info or {}, key, self.model).pack()
 
     def on_air(self) -> Robot:
         """Waits until the relay listens and has its schema."""
@@ -156,9 +156,8 @@ def plain_frame(base_id: int, distance: int, body: bytes) -> bytes:
     return struct.pack("<BIHH", 0x10, base_id, distance, distance & 0xFFFF) + body
 
 
-def snapshot_text(schema: str, key: bytes, info: str = "{}", ref: bytes | None = None) -> bytes:
+def snapshot_text(schema: str, key: bytes, info: str = "{}") -> bytes:
     """A snapshot written by hand: `info` is JSON text."""
     coded = base64.b64encode(key).decode()
-    coded_ref = "null" if ref is None else f'"{base64.b64encode(ref).decode()}"'
-    said = f'"schema":{json.dumps(schema)},"info":{info},"model":null,"key":"{coded}","ref":{coded_ref}'
+    said = f'"schema":{json.dumps(schema)},"info":{info},"model":null,"key":"{coded}","ref":null'
     return f'{{"v":1,{said}}}'.encode()

@@ -37,7 +37,7 @@ def main(endpoint: str, name: str, secret: str | None) -> None:
 
     def answer(query: zenoh.Query) -> None:
         if encoder.key is not None:
-            snapshot = Snapshot(schema.text, {"name": name}, encoder.key, encoder.ref, None)
+            snapshot = Snapshot(schema.text, {"name": name}, encoder.key, None)
             query.reply(snapshot_key(name, "public"), snapshot.pack(), attachment=stamp())
 
     def orders() -> None:

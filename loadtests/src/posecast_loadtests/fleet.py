@@ -71,7 +71,7 @@ class Group:
 
     def snapshot(self) -> bytes | None:
         key = self.encoder.key
-        return None if key is None else Snapshot(self.schema.text, {}, key, self.encoder.ref, None).pack()
+        return None if key is None else Snapshot(self.schema.text, {}, key, None).pack()
 
 
 def open_session(relay: str) -> zenoh.Session:

@@ -53,7 +53,7 @@ def test_a_third_of_the_frames_is_what_was_asked_for() -> None:
     assert tally.missed == 1
 
 
-def test_a_base_sent_ahead_is_no_late_frame() -> None:
+def test_a_key_sent_ahead_is_no_late_frame() -> None:
     viewer, tally = watched(step=3)
     frames = stream(3)
     viewer.binary(frames[0], 100.0)

@@ -131,7 +131,7 @@ export class MirrorReader {
       out.push(this.#status(nowMs, 'offline', null, false));
     }
     // A KEY that is also the newest frame is in the node twice.
-    for (const frame of new Set(['key', 'ref', 'frame'].filter(changed).map((child) => node[child]))) {
+    for (const frame of new Set(['key', 'frame'].filter(changed).map((child) => node[child]))) {
       if (typeof frame === 'string') out.push({ name: 'frame', data: frame, writtenMs });
     }
     this.#told = { ...node, at: written?.at, model: written?.model };

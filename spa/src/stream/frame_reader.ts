@@ -1,4 +1,12 @@
-import { Decoder, type Frame, FrameError, type RelayMessage, type Schema, SchemaError } from '@posecast/wire';
+import {
+  Decoder,
+  type Frame,
+  FrameError,
+  type RelayMessage,
+  type Schema,
+  SchemaError,
+  TAG_KEY,
+} from '@posecast/wire';
 import { poseDiffers } from '../twin/pose_change.ts';
 import type { FromStream } from './messages.ts';
 import type { Delay } from './pacing/lateness.ts';
@@ -7,14 +15,11 @@ import { RateMeter } from './pacing/rate_meter.ts';
 /** After a longer pause between frames, the pose may have moved meanwhile, so it counts as changed. */
 const GAP_MS = 2500;
 
-/** Bit of a frame's first byte: this is a KEY or REF, which later frames may be coded against. */
-const BASE = 0x02;
-
 type Told = Extract<RelayMessage, { type: 'status' | 'schema' | 'info' | 'event' | 'model' }>;
 
 /**
  * Decodes the frames and messages of one connection, and passes the results to the page through `post`. The relay remembers per
- * connection which base frames the viewer has, so create a new reader for each connection.
+ * connection which KEY the viewer has, so create a new reader for each connection.
  */
 export class FrameReader {
   readonly #post: (message: FromStream) => void;
@@ -74,8 +79,8 @@ export class FrameReader {
       throw error;
     }
     const { schema, seq, codes } = frame;
-    // A KEY or REF older than the relay's newest frame is only a base for later frames, not news about the robot.
-    if (bytes[0]! & BASE && seq < (this.#told?.seq ?? 0)) return;
+    // A KEY older than the relay's newest frame is only a base for later frames, not news about the robot.
+    if (bytes[0] === TAG_KEY && seq < (this.#told?.seq ?? 0)) return;
     const leftMs = nowMs - delay.leastMs;
     const writtenMs = nowMs - delay.mostMs;
     const before = this.#newest;

@@ -36,11 +36,11 @@ def rows(schema: Schema, path: Path) -> tuple[list[float], list[list[float]]]:
         return data["t"].tolist(), np.concatenate([p.astype(np.float64) for p in parts], axis=1).tolist()
 
 
-def measure(text: str, name: str, ref_every: int) -> float:
+def measure(text: str, name: str) -> float:
     """Print one line, return the mean bytes per frame."""
     schema = Schema.parse(text)
     times, values = rows(schema, SHARED / "telemetry" / f"{name}.npz")
-    quantiser, encoder, decoder = Quantiser(schema), Encoder(schema, 4.0, ref_every), Decoder()
+    quantiser, encoder, decoder = Quantiser(schema), Encoder(schema), Decoder()
     decoder.add_schema(text)
     clock = time.thread_time_ns
     sizes: list[int] = []
@@ -61,7 +61,7 @@ def measure(text: str, name: str, ref_every: int) -> float:
         decode_ns.append(t3 - t2)
     mean = float(np.mean(sizes))
     us = "  ".join(f"{np.median(ns) / 1000:6.0f}" for ns in (quantise_ns, encode_ns, decode_ns))
-    print(f"{name:<11}{ref_every:>5}{mean:>8.1f}{np.percentile(sizes, 99):>6.0f}{max(sizes):>6}    {us}")
+    print(f"{name:<11}{mean:>8.1f}{np.percentile(sizes, 99):>6.0f}{max(sizes):>6}    {us}")
     return mean
 
 
@@ -72,9 +72,9 @@ def main() -> int:
         print("skipped: no telemetry sets beside this repository (POSECAST_SHARED names their folder)")
         return 0
     text = path.read_text(encoding="utf-8")
-    print("set        refs    mean   p99   max    µs: quantise, encode, decode (median)")
-    means = {(name, refs): measure(text, name, refs) for refs in (0, 6) for name in SETS}
-    mixed = means["mixed", 0]
+    print("set            mean   p99   max    µs: quantise, encode, decode (median)")
+    means = {name: measure(text, name) for name in SETS}
+    mixed = means["mixed"]
     print(f"mixed: {mixed:.1f} B mean, goal {GOAL_MIXED_BYTES:.0f} B")
     return 0 if mixed <= GOAL_MIXED_BYTES else 1
 

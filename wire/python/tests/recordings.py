@@ -40,13 +40,12 @@ STARTS = st.builds(
 
 @dataclass(frozen=True)
 class Arrival:
-    """A frame that a relay accepted. `key`, `ref`: the bases that it had before, as far as there were any."""
+    """A frame that a relay accepted. `key`: the KEY that it had before, if any."""
 
     frame: bytes
     at_us: int
     late_us: int
     key: bytes | None
-    ref: bytes | None
 
 
 def one_channel() -> Schema:
@@ -54,9 +53,9 @@ def one_channel() -> Schema:
     return Schema.parse(build_schema_text("one", {"x": ["x"]}, [{"name": "x", "labels": "x"}]))
 
 
-def few_frames(count: int = 6, ref_every: int = 0) -> list[bytes]:
+def few_frames(count: int = 6) -> list[bytes]:
     """Frames of one channel, the first one a KEY."""
-    encoder = Encoder(one_channel(), 4.0, ref_every)
+    encoder = Encoder(one_channel())
     return [encoder.encode([i], 10 + i, i / 30, i / 30) for i in range(count)]
 
 
@@ -69,24 +68,20 @@ def accepted(frames: list[bytes], waits_us: list[int]) -> list[Arrival]:
     """What a relay accepts of frames that have all come, one after the other."""
     found: list[Arrival] = []
     key: bytes | None = None
-    ref: bytes | None = None
     at_us = 0
     for frame, wait_us in zip(frames, waits_us, strict=True):
         at_us += wait_us
-        found.append(Arrival(frame, at_us, wait_us // 7, key, ref))
-        header = parse_header(frame)
-        if header.is_key:
-            key, ref = frame, None
-        elif header.is_ref:
-            ref = frame
+        found.append(Arrival(frame, at_us, wait_us // 7, key))
+        if parse_header(frame).is_key:
+            key = frame
     return found
 
 
 @st.composite
 def arrivals(draw: st.DrawFn) -> tuple[Schema, list[Arrival]]:
     """A schema and frames that all came, 0 to 70 ms apart."""
-    schema, states, ref_every = draw(streams())
-    encoder = Encoder(schema, draw(st.sampled_from([0.2, 4.0])), ref_every)
+    schema, states = draw(streams())
+    encoder = Encoder(schema, draw(st.sampled_from([0.2, 4.0])))
     frames = [encoder.encode(codes, i, i / 10, i / 10) for i, codes in enumerate(states)]
     waits_us = draw(st.lists(st.integers(0, 70_000), min_size=len(frames), max_size=len(frames)))
     return schema, accepted(frames, waits_us)
@@ -104,7 +99,7 @@ def recorded(came: list[Arrival], cuts: list[bool]) -> list[bytes]:
                 segments.append(writer.close(now_us // 1000))
             from_us = now_us // 1000 * 1000
             start = plain_start(len(segments), now_us // 1000)
-            writer = SegmentWriter(start, arrival.key, arrival.ref)
+            writer = SegmentWriter(start, arrival.key)
         writer.append_frame(arrival.frame, now_us - from_us, arrival.late_us)
     if writer is not None:
         segments.append(writer.close((FROM_MS * 1000 + came[-1].at_us) // 1000))
@@ -119,8 +114,7 @@ def segments(draw: st.DrawFn) -> bytes:
     start = draw(STARTS)
     if not came:
         start = replace(start, schema=None, run_id=0)
-    bases = (came[0].key, came[0].ref) if came else (None, None)
-    writer = SegmentWriter(start, *bases)
+    writer = SegmentWriter(start, came[0].key if came else None)
     at_us = 0
     for arrival in [*came, None]:
         for _ in range(draw(st.integers(0, 2))):

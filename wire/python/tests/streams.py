@@ -35,8 +35,8 @@ def schemas(draw: st.DrawFn) -> Schema:
 
 
 @st.composite
-def streams(draw: st.DrawFn) -> tuple[Schema, list[list[int]], int]:
-    """A schema, the codes of up to 14 frames, and how often a REF comes."""
+def streams(draw: st.DrawFn) -> tuple[Schema, list[list[int]]]:
+    """A schema, and the codes of up to 14 frames."""
     schema = draw(schemas())
     state = st.lists(CODES, min_size=schema.size, max_size=schema.size)
-    return schema, draw(st.lists(state, min_size=1, max_size=14)), draw(st.sampled_from([0, 1, 3]))
+    return schema, draw(st.lists(state, min_size=1, max_size=14))

@@ -24,7 +24,7 @@ from posecast_wire import (
 
 from .streams import SLOW, streams
 
-Stream = tuple[Schema, list[list[int]], int]
+Stream = tuple[Schema, list[list[int]]]
 
 
 def decoder_of(*schemas: Schema) -> Decoder:
@@ -41,8 +41,8 @@ def one_channel(robot: str = "one") -> Schema:
 @SLOW
 @given(streams())
 def test_decode_after_encode_is_identity(stream: Stream) -> None:
-    schema, states, ref_every = stream
-    encoder, decoder = Encoder(schema, 4.0, ref_every), decoder_of(schema)
+    schema, states = stream
+    encoder, decoder = Encoder(schema, 4.0), decoder_of(schema)
     for i, codes in enumerate(states):
         got = decoder.decode(encoder.encode(codes, i, i / 10, i / 10))
         assert list(got.codes) == codes
@@ -53,21 +53,21 @@ def test_decode_after_encode_is_identity(stream: Stream) -> None:
 @SLOW
 @given(streams(), st.data())
 def test_any_subset_with_its_bases_decodes(stream: Stream, data: st.DataObject) -> None:
-    schema, states, ref_every = stream
-    encoder = Encoder(schema, 1.0, ref_every)
+    schema, states = stream
+    encoder = Encoder(schema, 1.0)
     frames = [encoder.encode(codes, i, i / 10, i / 10) for i, codes in enumerate(states)]
     delivered = data.draw(st.lists(st.booleans(), min_size=len(frames), max_size=len(frames)))
     decoder = decoder_of(schema)
     for frame, codes, lucky in zip(frames, states, delivered, strict=True):
-        if lucky or parse_header(frame).is_ref:
+        if lucky or parse_header(frame).is_key:
             assert list(decoder.decode(frame).codes) == codes
 
 
 @SLOW
 @given(streams(), st.data())
 def test_without_its_base_a_frame_is_unknown_never_wrong(stream: Stream, data: st.DataObject) -> None:
-    schema, states, ref_every = stream
-    encoder, decoder = Encoder(schema, 0.3, ref_every), decoder_of(schema)
+    schema, states = stream
+    encoder, decoder = Encoder(schema, 0.3), decoder_of(schema)
     for i, codes in enumerate(states):
         frame = encoder.encode(codes, i, i / 10, i / 10)
         if data.draw(st.booleans()):
@@ -80,7 +80,7 @@ def test_without_its_base_a_frame_is_unknown_never_wrong(stream: Stream, data: s
 @SLOW
 @given(streams(), st.data())
 def test_damage_is_refused_or_read_and_a_refusal_changes_nothing(stream: Stream, data: st.DataObject) -> None:
-    schema, states, _ = stream
+    schema, states = stream
     encoder, decoder = Encoder(schema), decoder_of(schema)
     decoder.decode(encoder.encode(states[0], 1, 0.0, 0.0))
     plain = encoder.encode(states[-1], 2, 0.0, 0.0)
@@ -100,7 +100,7 @@ def test_thousands_of_damaged_frames_never_crash() -> None:
     labels = {"j": [f"j{i}" for i in range(40)]}
     fields: list[dict[str, object]] = [{"name": "a", "labels": "j"}, {"name": "b", "labels": "j", "rel": "a"}]
     schema = Schema.parse(build_schema_text("r", labels, fields))
-    encoder, decoder = Encoder(schema, 0.5, 5), decoder_of(schema)
+    encoder, decoder = Encoder(schema, 0.5), decoder_of(schema)
     refused = 0
     for i in range(5_000):
         codes = [rng.randint(-30, 30) for _ in range(schema.size)]
@@ -115,29 +115,29 @@ def test_thousands_of_damaged_frames_never_crash() -> None:
     assert refused > 2_500
 
 
-def test_a_ref_stays_with_its_key_and_the_same_key_again_keeps_it() -> None:
+def test_the_same_key_again_changes_nothing_and_a_new_one_retires_it() -> None:
     schema = one_channel()
-    encoder, decoder = Encoder(schema, 4.0, 2), decoder_of(schema)
-    key, _, ref, plain = [encoder.encode([i], i, i / 10, 0.0) for i in range(4)]
-    for frame in (key, ref, key, plain):
+    encoder, decoder = Encoder(schema), decoder_of(schema)
+    key, plain = [encoder.encode([i], i, i / 10, 0.0) for i in range(2)]
+    for frame in (key, key, plain):
         last = decoder.decode(frame)
-    assert last.codes == (3,)
+    assert last.codes == (1,)
     decoder.decode(encoder.encode([9], 4, 0.4, 0.0, force_key=True))
     with pytest.raises(BaseUnknown):
         decoder.decode(plain)
 
 
-def test_the_newest_four_refs_are_kept() -> None:
+def test_a_ref_is_refused_by_its_name_and_is_no_base() -> None:
     schema = one_channel()
-    encoder, decoder = Encoder(schema, 4.0, 2), decoder_of(schema)
-    frames = [encoder.encode([i], i, i / 10, 0.0) for i in range(12)]
-    for frame in frames:
-        decoder.decode(frame)
-    refs = [f for f in frames if f[0] == 0x12]
-    assert [parse_header(f).base_id == parse_header(refs[0]).base_id for f in refs] == [True] * 5
+    encoder, decoder = Encoder(schema), decoder_of(schema)
+    key, plain = [encoder.encode([i], i, i / 10, 0.0) for i in range(2)]
+    decoder.decode(key)
+    ref = b"\x12" + plain[1:]
+    with pytest.raises(BadFrame, match=r"^REF frames are reserved$"):
+        decoder.decode(ref)
     with pytest.raises(BaseUnknown):
-        decoder.decode(frames[3])  # its REF is the fifth from the end
-    assert decoder.decode(frames[5]).codes == (5,)
+        decoder.decode(plain[:1] + frame_id(ref).to_bytes(4, "little") + plain[5:])
+    assert decoder.decode(plain).codes == (1,)
 
 
 def test_a_fifth_schema_pushes_out_the_oldest_and_the_base_in_use_stays() -> None:
@@ -175,10 +175,9 @@ def test_a_frame_longer_than_its_schema_can_fill_is_bad_before_its_body_is_read(
     with pytest.raises(BadFrame, match="frame of 27 bytes, 26 allowed by its schema"):
         decoder.decode(key[:17].ljust(27, b"\0"))
     decoder.decode(key)
-    for tag in (0x10, 0x12):
-        header = struct.pack("<BIHH", tag, frame_id(key), 1, 33)
-        with pytest.raises(BadFrame, match="frame of 65536 bytes, 18 allowed by its schema"):
-            decoder.decode(header.ljust(65_536, b"\0"))
+    header = struct.pack("<BIHH", 0x10, frame_id(key), 1, 33)
+    with pytest.raises(BadFrame, match="frame of 65536 bytes, 18 allowed by its schema"):
+        decoder.decode(header.ljust(65_536, b"\0"))
 
 
 def test_a_megabyte_is_refused_at_once() -> None:

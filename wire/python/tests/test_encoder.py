@@ -1,4 +1,4 @@
-"""When KEYs come, which base a frame names, what `slow` and the order table do."""
+"""When KEYs come, which base a frame names, what the order table does."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ONE = Schema.parse(build_schema_text("one", {"x": ["x"]}, [{"name": "x", "labels
 
 
 def kinds(frames: list[bytes]) -> str:
-    return "".join({0x13: "K", 0x12: "R", 0x10: "."}[f[0]] for f in frames)
+    return "".join({0x13: "K", 0x10: "."}[f[0]] for f in frames)
 
 
 def test_keys_follow_the_monotonic_clock_while_robot_time_stands() -> None:
@@ -65,27 +65,25 @@ def test_time_steps_back_against_the_last_frame_too() -> None:
     assert kinds([encoder.encode([0], i, t, 0.0) for i, t in enumerate([1.0, 2.0, 1.5, 1.6])]) == "K.K."
 
 
-def test_refs_are_coded_against_the_key_and_plain_frames_against_the_newest_ref() -> None:
-    encoder = Encoder(ONE, 4.0, ref_every=3)
+def test_every_frame_names_the_newest_key() -> None:
+    encoder = Encoder(ONE, 0.4)
     frames = [encoder.encode([i], i, i / 10, i / 10) for i in range(9)]
-    assert kinds(frames) == "K..R..R.."
-    named = [parse_header(f).base_id for f in frames[1:]]
-    key, first, second = frame_id(frames[0]), frame_id(frames[3]), frame_id(frames[6])
-    assert named == [key, key, key, first, first, key, second, second]
-    assert (encoder.key, encoder.ref) == (frames[0], frames[6])
+    assert kinds(frames) == "K...K...K"
+    first, second = frame_id(frames[0]), frame_id(frames[4])
+    assert [parse_header(f).base_id for f in frames] == [None, *[first] * 3, None, *[second] * 3, None]
+    assert encoder.key == frames[8]
 
 
-def test_slow_fields_move_on_refs_only_when_there_are_refs() -> None:
+def test_slow_fields_move_like_all_others() -> None:
     fields: list[dict[str, object]] = [
         {"name": "fast", "labels": "x"},
         {"name": "slow", "labels": "x", "slow": True},
     ]
     schema = Schema.parse(build_schema_text("r", {"x": ["x"]}, fields))
-    for ref_every, slow in ((0, [0, 1, 2, 3, 4, 5, 6]), (3, [0, 0, 0, 3, 3, 3, 6])):
-        encoder, decoder = Encoder(schema, 4.0, ref_every), Decoder()
-        decoder.add_schema(schema.text)
-        got = [decoder.decode(encoder.encode([i, i], i, i / 10, 0.0)).codes for i in range(7)]
-        assert got == [(i, s) for i, s in enumerate(slow)]
+    encoder, decoder = Encoder(schema), Decoder()
+    decoder.add_schema(schema.text)
+    got = [decoder.decode(encoder.encode([i, i], i, i / 10, 0.0)).codes for i in range(7)]
+    assert got == [(i, i) for i in range(7)]
 
 
 def test_an_unchanged_robot_costs_a_nibble_a_field() -> None:

@@ -27,10 +27,11 @@ def test_both_hashes_agree() -> None:
 
 def test_headers() -> None:
     key = bytes.fromhex("13010000800200000000000000000004400000")
-    assert parse_header(key) == Header(True, True, 0x80000001, None, 2, 2.5)
+    assert parse_header(key) == Header(True, 0x80000001, None, 2, 2.5)
     assert frame_id(key) == fnv1a32(key)
-    ref = bytes.fromhex("12ffffffff0100ffff00")
-    assert parse_header(ref) == Header(False, True, None, 0xFFFFFFFF, 1, 65535)
-    assert parse_header(b"\x10" + ref[1:]).is_ref is False
+    plain = bytes.fromhex("10ffffffff0100ffff00")
+    assert parse_header(plain) == Header(False, None, 0xFFFFFFFF, 1, 65535)
     with pytest.raises(BadFrame, match="tag 0x11"):
-        parse_header(b"\x11" + ref[1:])
+        parse_header(b"\x11" + plain[1:])
+    with pytest.raises(BadFrame, match="REF frames are reserved"):
+        parse_header(b"\x12" + plain[1:])

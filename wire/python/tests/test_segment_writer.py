@@ -22,22 +22,21 @@ from .cost import lines_run
 from .recordings import FROM_MS, few_frames, one_channel, plain_start
 
 
-def test_bases_are_copied_only_before_a_first_frame_that_is_no_key() -> None:
-    key, plain, ref, after = few_frames(4, ref_every=2)
-    writer = SegmentWriter(plain_start(), key, ref)
+def test_the_key_is_copied_only_before_a_first_frame_that_is_no_key() -> None:
+    key, plain, _, after = few_frames(4)
+    writer = SegmentWriter(plain_start(), key)
     writer.append_event("{}", 1_000)
     assert writer.append_frame(after, 2_500, 300) == 13
     records = decode_segment(writer.close(FROM_MS + 2)).records
     assert records == (
         EventRecord(1_000, "{}"),
         CopyRecord(2_500, key),
-        CopyRecord(2_500, ref),
         FrameRecord(2_500, 300, 13, after),
     )
-    writer = SegmentWriter(plain_start(), key, None)
+    writer = SegmentWriter(plain_start(), key)
     assert writer.append_frame(plain, 0, 0) == 11
     assert len(decode_segment(writer.close(FROM_MS)).records) == 2
-    writer = SegmentWriter(plain_start(), key, ref)
+    writer = SegmentWriter(plain_start(), key)
     writer.append_frame(Encoder(one_channel()).encode([5], 14, 1.0, 0.0), 0, 0)
     assert [type(r) for r in decode_segment(writer.close(FROM_MS)).records] == [FrameRecord]
 
@@ -55,6 +54,7 @@ def test_what_is_refused_changes_nothing() -> None:
         (plain, "frame: number 11 after 11"),
         (b"", "frame: empty frame"),
         (b"\x20" * 40, "frame: version 2"),
+        (b"\x12" + again[1:], "^frame: REF frames are reserved$"),
         (again[:1] + b"\0\0\0\0" + again[5:], "its base 00000000 is not here"),
         (other, "a KEY of another schema"),
     ):

@@ -36,13 +36,10 @@ def key_frame(schema: str, seq: int, t: float, fields: Coded, orders: Sequence[i
     return packed(header, body(fields, [4] * len(orders)) + "".join(f"{k:04b}" for k in orders))
 
 
-def against(tag: int, base: int, distance: int, ms: int, fields: Coded, orders: Sequence[int]) -> bytes:
-    return packed(struct.pack("<BIHH", tag, base, distance, ms), body(fields, orders))
-
-
 def plain_frame(base: int, distance: int, ms: int, fields: Coded, orders: Sequence[int]) -> bytes:
-    return against(0x10, base, distance, ms, fields, orders)
+    return packed(struct.pack("<BIHH", 0x10, base, distance, ms), body(fields, orders))
 
 
-def ref_frame(base: int, distance: int, ms: int, fields: Coded, orders: Sequence[int]) -> bytes:
-    return against(0x12, base, distance, ms, fields, orders)
+def reserved_frame(plain: bytes) -> bytes:
+    """A plain frame as the REF that it would be."""
+    return b"\x12" + plain[1:]

@@ -13,6 +13,7 @@ from typing import Any
 from posecast_wire.key_page import MAGIC, KeyPage, decode_key_page, encode_key_page
 from posecast_wire.segment import SegmentError
 
+from wire.python.tools.hand_made import reserved_frame
 from wire.python.tools.hand_made_segment import (
     FROM_MS,
     Part,
@@ -69,13 +70,12 @@ def page(front: bytes, entries: Sequence[bytes | Part] = (), count: int | None =
 def good() -> list[dict[str, Any]]:
     """Pages that every reader takes."""
     key, *plain = frames_of(ONE, 6)
-    refs = frames_of(ONE, 6, ref_every=2)
     arm = frames_of(ARM, 1, first=(1 << 32) - 1)[0]
     one, all_of = head([(7, 9)], [SCHEMA]), head([(7, 9), (3, 9)], [SCHEMA, MODEL])
     several = [
         pose(key, late=12_345),
         pose(key, plain[1], moment=3_999, index=1),
-        pose(refs[0], refs[2], refs[3], moment=8_000, index=2, model=2),
+        pose(key, plain[2], moment=8_000, index=2, model=2),
         pose(arm, moment=8_001, take=1, index=4, schema=2, model=1, late=(1 << 53) - 1),
     ]
     furthest = head(
@@ -105,7 +105,7 @@ def good() -> list[dict[str, Any]]:
 def bad() -> list[dict[str, Any]]:
     """Pages that every reader refuses, in the same words."""
     key, *plain = frames_of(ONE, 4)
-    refs = frames_of(ONE, 6, ref_every=2)
+    ref = reserved_frame(plain[1])
     one = head([(7, 9)], [SCHEMA])
     whole = joined(page(one, [pose(key)]))
 
@@ -155,9 +155,11 @@ def bad() -> list[dict[str, Any]]:
         of(pose(plain[0])),
         of(pose(key, key)),
         of(pose(key, key, plain[0])),
-        of(pose(refs[2], refs[3])),
-        of(pose(refs[0], refs[3])),
-        of(pose(refs[0], plain[0], refs[3])),
+        of(pose(ref)),
+        of(pose(ref, plain[2])),
+        of(pose(key, ref)),
+        of(pose(key, ref, plain[2])),
+        of(pose(plain[0], plain[1])),
         of(pose(key, moment=5, index=1), pose(key, moment=4, index=2)),
         of(pose(key, moment=5, index=2), pose(key, moment=5, index=1)),
         of(pose(key, moment=5, index=1), pose(key, moment=5, index=1)),
@@ -209,7 +211,6 @@ def _refusal(parts: Sequence[Part]) -> str:
 def picks() -> list[dict[str, Any]]:
     """Segments, and the page that a writer makes of them."""
     key, *plain = frames_of(ONE, 9)
-    refs = frames_of(ONE, 6, ref_every=2)
     at = {"from": varint(FROM_MS + 1_000)}
     model = record(5, 0, MODEL)
     segments = [
@@ -221,7 +222,7 @@ def picks() -> list[dict[str, Any]]:
         segment(header(0, 0, 0, 2_000, at | {"index": varint(2)}), [record(6, 5, b"\1")]),
         segment(
             header(1, 13, 13, 9, at | {"index": varint(3)}),
-            [record(2, 0, refs[0]), record(2, 0, refs[2]), frame_record(refs[3], 7_000)],
+            [record(2, 0, key), frame_record(plain[2], 7_000)],
         ),
         segment(header(1, 10, 10, 9, {"take": struct.pack("<Q", 1)}), [frame_record(key)]),
     ]

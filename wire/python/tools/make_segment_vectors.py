@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from posecast_wire import Encoder, Schema, frame_id
+from posecast_wire import Encoder, Schema
 from posecast_wire.segment import (
     CopyRecord,
     EventRecord,
@@ -23,6 +23,7 @@ from posecast_wire.segment import (
     encode_segment,
 )
 
+from wire.python.tools.hand_made import reserved_frame
 from wire.python.tools.hand_made_segment import (
     Part,
     digest,
@@ -51,9 +52,9 @@ EVENT = (
 MODEL = "ab" * 32
 
 
-def frames_of(schema: str, count: int, ref_every: int = 0, first: int = 10) -> list[bytes]:
+def frames_of(schema: str, count: int, first: int = 10) -> list[bytes]:
     """Frames of an arm that moves, or of one channel."""
-    dice, encoder = Dice(11), Encoder(Schema.parse(schema), 4.0, ref_every)
+    dice, encoder = Dice(11), Encoder(Schema.parse(schema))
     codes = [dice.near(300) for _ in range(encoder.schema.size)]
     frames: list[bytes] = []
     for i in range(count):
@@ -66,7 +67,6 @@ def good() -> list[dict[str, Any]]:
     """Segments that every reader takes."""
     arm = frames_of(ARM, 8)
     key, *plain = frames_of(ONE, 6)
-    refs = frames_of(ONE, 6, ref_every=2)
     ends = frames_of(ONE, 3, first=(1 << 32) - 2)
     said = [
         record(3, 10_000, EVENT.encode()),
@@ -98,9 +98,9 @@ def good() -> list[dict[str, Any]]:
         "numbering": text("é" * 128),
     }
     huge = (1 << 20) - 5
-    lost = [refs[0], refs[2], refs[4], refs[5], *frames_of(ONE, 1, first=99)]
+    lost = [key, plain[1], plain[3], plain[4], *frames_of(ONE, 1, first=99)]
     late = [frame_record(frame, 33_333, 12_345 * i) for i, frame in enumerate(arm)]
-    with_ref = [record(3, 7, b"{}"), record(2, 0, refs[0]), record(2, 0, refs[2]), frame_record(refs[3], 3)]
+    behind = [record(3, 7, b"{}"), record(2, 0, key), frame_record(plain[2], 3)]
     at_ends = [frame_record(ends[0], 600_000_999, (1 << 53) - 1), *map(frame_record, ends[1:])]
     gap = {"index": varint(3), "missing": varint(12)}
     sent: list[tuple[str, bytes, list[bytes]]] = [
@@ -110,7 +110,7 @@ def good() -> list[dict[str, Any]]:
             header(1, 11, 11, 0),
             [record(2, 5, key), frame_record(plain[0], 0, 9)],
         ),
-        ("a KEY and the newest REF of before are copied, behind an event", header(1, 13, 13, 1), with_ref),
+        ("a KEY of before is copied, behind an event", header(1, 13, 13, 1), behind),
         ("frames are missing before it", header(1, 10, 10, 100, gap), [frame_record(key)]),
         ("frames are missing in it", header(5, 10, 99, 400), [frame_record(frame, 66_666) for frame in lost]),
         ("events and changes without frames", header(0, 0, 0, 2_000, described), said),
@@ -136,11 +136,10 @@ def good() -> list[dict[str, Any]]:
 def bad() -> list[dict[str, Any]]:
     """Segments that every reader refuses, in the same words."""
     key, *plain = frames_of(ONE, 4)
-    refs = frames_of(ONE, 6, ref_every=2)
+    ref = reserved_frame(plain[1])
     other = frames_of(ARM, 1, first=20)[0]
     one = header(1, 10, 10)
     whole = joined(segment(one, [frame_record(key)]))
-    ref_on_ref = refs[4][:1] + frame_id(refs[2]).to_bytes(4, "little") + refs[4][5:]
 
     def none(*records: bytes) -> list[Part]:
         return segment(header(0, 0, 0), records)
@@ -223,14 +222,16 @@ def bad() -> list[dict[str, Any]]:
         ten(frame_record(plain[1]), frame_record(key)),
         ten(frame_record(key), frame_record(other)),
         ten(frame_record(key), frame_record(plain[1]), frame_record(plain[0])),
-        ten(frame_record(refs[0]), frame_record(refs[2]), frame_record(ref_on_ref)),
-        ten(frame_record(refs[0]), frame_record(refs[2]), frame_record(refs[4]), frame_record(refs[3])),
+        ten(frame_record(ref)),
+        ten(frame_record(key), frame_record(ref)),
         ten(frame_record(key), record(2, 0, key)),
         ten(record(2, 0, key), frame_record(key)),
         none(record(2, 0, key)),
         none(record(2, 0, plain[0])),
         none(record(2, 0, key), record(2, 0, key)),
-        none(record(2, 0, refs[0]), record(2, 0, refs[2]), record(2, 0, refs[2])),
+        none(record(2, 0, ref)),
+        none(record(2, 0, key), record(2, 0, ref)),
+        segment(header(1, 13, 13), [record(2, 0, key), record(2, 0, ref), frame_record(plain[2])]),
         segment(header(1, 10, 10), [(record(1, 0, b"\0" + key[:17], 65_538), 1), (b"\0", 65_520)], 1),
         segment(header(0, 0, 0), [(record(99, 0, b""), 349_526)], 349_526),
     ]

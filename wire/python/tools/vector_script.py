@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from posecast_wire import BadFrame, BaseUnknown, Decoder, Encoder, Schema, build_schema_text
 
@@ -70,7 +70,10 @@ class Script:
         self._decoder.add_schema(SCHEMAS[name])
         self.steps.append({"schema": name})
 
-    def frame(self, data: bytes, note: str = "", **also: object) -> None:
+    def frame(
+        self, data: bytes, note: str = "", says_why: bool = False, also: Mapping[str, object] | None = None
+    ) -> None:
+        """`says_why`: a refusal is in these words, in every language."""
         step: Step = {"note": note} if note else {}
         step["frame"] = data.hex()
         try:
@@ -78,9 +81,11 @@ class Script:
             step |= {"is": "state", "seq": got.seq, "t": got.t_s, "codes": list(got.codes)}
         except BaseUnknown:
             step["is"] = "unknown"
-        except BadFrame:
+        except BadFrame as e:
             step["is"] = "bad"
-        self.steps.append(step | also)
+            if says_why:
+                step["says"] = str(e)
+        self.steps.append(step | dict(also or {}))
 
     def done(self) -> Case:
         return self.case | {"steps": self.steps}
@@ -89,11 +94,11 @@ class Script:
 class Stream(Script):
     """A case made by an encoder, which another encoder can make again."""
 
-    def __init__(self, name: str, why: str, schema: str, key_interval_s: float = 4.0, refs: int = 0) -> None:
+    def __init__(self, name: str, why: str, schema: str, key_interval_s: float = 4.0) -> None:
         super().__init__(name, why, schema)
-        self.case["encode"] = {"schema": schema, "key_interval_s": key_interval_s, "ref_every": refs}
+        self.case["encode"] = {"schema": schema, "key_interval_s": key_interval_s}
         self.size = Schema.parse(SCHEMAS[schema]).size
-        self._encoder = Encoder(Schema.parse(SCHEMAS[schema]), key_interval_s, refs)
+        self._encoder = Encoder(Schema.parse(SCHEMAS[schema]), key_interval_s)
         self.frames: list[bytes] = []
 
     def send(
@@ -105,5 +110,5 @@ class Stream(Script):
         if force_key:
             also["from"] = {"codes": list(codes), "seq": seq, "t": t, "now": now, "force_key": True}
         self.frames.append(data)
-        self.frame(data, "", **also)
+        self.frame(data, also=also)
         return data

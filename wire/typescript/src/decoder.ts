@@ -6,7 +6,6 @@ import { parseSchema } from './schema_parser.ts';
 
 const KEY_ORDER = 4;
 const ALL_ZERO = 15;
-const REFS_MAX = 4; // the newest; a sender names only the very newest, the rest is for a channel that reorders
 
 /** One decoded frame. `tS`: robot clock, s; `codes`: all channels in the schema's order, the caller's own. */
 export class Frame {
@@ -25,7 +24,8 @@ export class Frame {
   }
 }
 
-interface Base {
+interface Key {
+  readonly id: number;
   readonly schema: Schema;
   readonly seq: number;
   readonly tS: number;
@@ -33,12 +33,10 @@ interface Base {
   readonly orders: Uint8Array;
 }
 
-/** Keeps the newest `maxSchemas` schemas, the newest KEY and its newest REFs; forgets what is older. */
+/** Keeps the newest `maxSchemas` schemas and the newest KEY; forgets what is older. */
 export class Decoder {
   private readonly schemas = new Map<number, Schema>();
-  private keyId = -1;
-  private key: Base | null = null;
-  private refs = new Map<number, Base>();
+  private key: Key | null = null;
   private readonly body = new BitReader();
 
   constructor(private readonly maxSchemas = 4) {}
@@ -48,7 +46,7 @@ export class Decoder {
     const schema = parseSchema(text);
     this.schemas.delete(schema.id);
     this.schemas.set(schema.id, schema);
-    if (this.schemas.size > this.maxSchemas) dropOldest(this.schemas);
+    if (this.schemas.size > this.maxSchemas) this.schemas.delete(this.schemas.keys().next().value!);
     return schema;
   }
 
@@ -65,29 +63,17 @@ export class Decoder {
       const orders = new Uint8Array(schema.size);
       for (let i = 0; i < orders.length; i++) orders[i] = this.body.nibble();
       this.body.close();
-      const id = frameId(frame);
-      if (id !== this.keyId) {
-        // the same KEY once more retires nothing
-        this.keyId = id;
-        this.key = { schema, seq: header.seq, tS: header.t, codes: codes.slice(), orders };
-        this.refs = new Map();
-      }
-      return new Frame(schema, header.seq, header.t, codes);
+      const { seq, t: tS } = header;
+      this.key = { id: frameId(frame), schema, seq, tS, codes: codes.slice(), orders };
+      return new Frame(schema, seq, tS, codes);
     }
-    const base = header.baseId === this.keyId ? this.key : this.refs.get(header.baseId);
-    if (!base) throw new BaseUnknown(`base ${hex(header.baseId)} is not here`);
-    if (header.isRef && base !== this.key) throw new BadFrame('a REF coded against a REF');
-    checkSize(frame, base.schema.frameBytesMax);
+    const { key } = this;
+    if (key?.id !== header.baseId) throw new BaseUnknown(`base ${hex(header.baseId)} is not here`);
+    checkSize(frame, key.schema.frameBytesMax);
     this.body.open(frame, HEADER_BYTES);
-    const codes = this.body.codes(base.schema, base.codes, base.orders);
+    const codes = this.body.codes(key.schema, key.codes, key.orders);
     this.body.close();
-    const seq = (base.seq + header.distance) >>> 0;
-    const tS = base.tS + header.ms / 1000;
-    if (header.isRef) {
-      this.refs.set(frameId(frame), { ...base, seq, tS, codes: codes.slice() });
-      if (this.refs.size > REFS_MAX) dropOldest(this.refs);
-    }
-    return new Frame(base.schema, seq, tS, codes);
+    return new Frame(key.schema, (key.seq + header.distance) >>> 0, key.tS + header.ms / 1000, codes);
   }
 }
 
@@ -157,13 +143,6 @@ class BitReader {
     const shift = at & 7;
     const four = (bytes[i]! << 24) | (bytes[i + 1]! << 16) | (bytes[i + 2]! << 8) | bytes[i + 3]!;
     return (four << shift) | (bytes[i + 4]! >> (8 - shift));
-  }
-}
-
-function dropOldest<K, V>(map: Map<K, V>): void {
-  for (const oldest of map.keys()) {
-    map.delete(oldest);
-    return;
   }
 }
 

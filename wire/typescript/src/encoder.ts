@@ -1,6 +1,6 @@
 /** Encodes codes to frames, for replay and tests, with the same bytes as the Python encoder. */
 
-import { frameId, HEADER_BYTES, KEY_HEADER_BYTES, TAG_KEY, TAG_PLAIN, TAG_REF } from './frame.ts';
+import { frameId, HEADER_BYTES, KEY_HEADER_BYTES, TAG_KEY, TAG_PLAIN } from './frame.ts';
 import { CODE_MAX, type Field, MISSING, type Schema } from './schema.ts';
 
 const ORDER_MAX = 15; // of the exp-Golomb code
@@ -20,26 +20,21 @@ interface Base {
 
 /** One stream of one run. KEYs are timed by the monotonic clock passed in, never by robot time. */
 export class Encoder {
-  /** The newest KEY and, since it, the newest REF: the bases a late joiner needs. */
+  /** The newest KEY: the base of the frames after it. */
   key: Uint8Array | null = null;
-  ref: Uint8Array | null = null;
   private keyNowS = 0;
   private lastTS = 0;
-  private framesSinceKey = 0;
-  private keyBase: Base;
   private base: Base;
   private zSums: Float64Array;
   private zFrames = 0;
   private orders: Uint8Array;
 
-  /** `refEvery`: every n-th frame after a KEY is a REF; 0 = none. */
   constructor(
     readonly schema: Schema,
     private readonly keyIntervalS = 4,
-    private readonly refEvery = 0,
   ) {
     if (!(keyIntervalS > 0)) throw new RangeError(`key interval of ${keyIntervalS} s`);
-    this.keyBase = this.base = { id: 0, seq: 0, tS: 0, codes: new Int32Array(schema.size) };
+    this.base = { id: 0, seq: 0, tS: 0, codes: new Int32Array(schema.size) };
     this.zSums = new Float64Array(schema.size);
     this.orders = new Uint8Array(schema.size).fill(NEW_ORDER);
   }
@@ -52,16 +47,14 @@ export class Encoder {
       if (!(codes[i]! >= MISSING && codes[i]! <= CODE_MAX)) throw new RangeError('a code past the range');
     if (!(seq >>> 0 === seq && Number.isFinite(tS)))
       throw new RangeError(`seq ${seq}, t ${tS}: no frame can carry them`);
-    const isRef = this.refEvery > 0 && (this.framesSinceKey + 1) % this.refEvery === 0;
-    const base = isRef ? this.keyBase : this.base;
-    const distance = (seq - base.seq) >>> 0;
-    const ms = Math.floor(Math.max(-1, Math.min(tS - base.tS, 66)) * 1000 + 0.5);
+    const distance = (seq - this.base.seq) >>> 0;
+    const ms = Math.floor(Math.max(-1, Math.min(tS - this.base.tS, 66)) * 1000 + 0.5);
     const keyAge = nowS - this.keyNowS;
     const fits = ms >= 0 && ms <= 0xffff && distance > 0 && distance <= 0xffff && tS >= this.lastTS;
     const keyIsYoung = this.key !== null && keyAge >= 0 && keyAge < this.keyIntervalS;
     this.lastTS = tS;
     return fits && keyIsYoung && !forceKey
-      ? this.encodeFrom(base, isRef, codes, distance, ms)
+      ? this.encodePlain(codes, distance, ms)
       : this.encodeKey(codes, seq, tS, nowS);
   }
 
@@ -80,37 +73,21 @@ export class Encoder {
     view.setUint32(1, this.schema.id, true);
     view.setUint32(5, seq, true);
     view.setFloat64(9, tS, true);
-    this.keyBase = this.base = { id: frameId(frame), seq, tS, codes: Int32Array.from(codes) };
+    this.base = { id: frameId(frame), seq, tS, codes: Int32Array.from(codes) };
     this.keyNowS = nowS;
-    this.framesSinceKey = 0;
     this.key = frame;
-    this.ref = null;
     return frame;
   }
 
-  private encodeFrom(
-    base: Base,
-    isRef: boolean,
-    codes: ArrayLike<number>,
-    distance: number,
-    ms: number,
-  ): Uint8Array {
-    const moved = Float64Array.from(codes, (code, i) => code - base.codes[i]!);
-    if (this.refEvery > 0 && !isRef)
-      for (const f of this.schema.fields) if (f.slow) moved.fill(0, f.start, f.start + f.size);
+  private encodePlain(codes: ArrayLike<number>, distance: number, ms: number): Uint8Array {
+    const moved = Float64Array.from(codes, (code, i) => code - this.base.codes[i]!);
     const frame = packed(HEADER_BYTES, this.body(moved, this.orders, this.zSums));
     this.zFrames += 1;
-    this.framesSinceKey += 1;
     const view = new DataView(frame.buffer);
-    view.setUint8(0, isRef ? TAG_REF : TAG_PLAIN);
-    view.setUint32(1, base.id, true);
+    view.setUint8(0, TAG_PLAIN);
+    view.setUint32(1, this.base.id, true);
     view.setUint16(5, distance, true);
     view.setUint16(7, ms, true);
-    if (isRef) {
-      const seq = (base.seq + distance) >>> 0;
-      this.base = { id: frameId(frame), seq, tS: base.tS + ms / 1000, codes: Int32Array.from(codes) };
-      this.ref = frame;
-    }
     return frame;
   }
 

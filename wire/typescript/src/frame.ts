@@ -6,7 +6,7 @@ export const WIRE_VERSION = 1;
 export const KEY_HEADER_BYTES = 17;
 export const HEADER_BYTES = 9;
 export const TAG_KEY = 0x13;
-export const TAG_REF = 0x12;
+const TAG_RESERVED = 0x12; // REF, a second kind of base, which no agent ever sent
 export const TAG_PLAIN = 0x10;
 export const FRAME_BYTES_MAX = 1 << 16; // 4096 channels of the widest codes fit
 
@@ -26,14 +26,8 @@ export class BaseUnknown extends FrameError {
 export type Header =
   /** `t`: s, robot clock. */
   | { readonly isKey: true; readonly schemaId: number; readonly seq: number; readonly t: number }
-  /** Distances from the base; `ms` of robot time. `isRef`: later frames may name this one as their base. */
-  | {
-      readonly isKey: false;
-      readonly isRef: boolean;
-      readonly baseId: number;
-      readonly distance: number;
-      readonly ms: number;
-    };
+  /** Distances from the base; `ms` of robot time. */
+  | { readonly isKey: false; readonly baseId: number; readonly distance: number; readonly ms: number };
 
 /** Read a frame's header. BadFrame when it is none. The body is not looked at. */
 export function parseHeader(frame: Uint8Array): Header {
@@ -49,15 +43,15 @@ export function parseHeader(frame: Uint8Array): Header {
     if (!Number.isFinite(t)) throw new BadFrame('KEY without a time');
     return { isKey: true, schemaId: view.getUint32(1, true), seq: view.getUint32(5, true), t };
   }
-  if (tag !== TAG_REF && tag !== TAG_PLAIN) throw new BadFrame(`tag 0x${tag.toString(16)}`);
+  if (tag === TAG_RESERVED) throw new BadFrame('REF frames are reserved');
+  if (tag !== TAG_PLAIN) throw new BadFrame(`tag 0x${tag.toString(16)}`);
   if (frame.length <= HEADER_BYTES) throw new BadFrame(`frame of ${frame.length} bytes`);
   const distance = view.getUint16(5, true);
   if (distance === 0) throw new BadFrame('no distance from its base');
-  const baseId = view.getUint32(1, true);
-  return { isKey: false, isRef: tag === TAG_REF, baseId, distance, ms: view.getUint16(7, true) };
+  return { isKey: false, baseId: view.getUint32(1, true), distance, ms: view.getUint16(7, true) };
 }
 
-/** The id by which later frames name this KEY or REF: FNV-1a-32 of the whole message. */
+/** The id by which later frames name this KEY: FNV-1a-32 of the whole message. */
 export function frameId(frame: Uint8Array): number {
   return fnv1a32(frame);
 }

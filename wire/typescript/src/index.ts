@@ -12,6 +12,7 @@ export {
   frameId,
   type Header,
   parseHeader,
+  TAG_KEY,
   WIRE_VERSION,
 } from './frame.ts';
 export {

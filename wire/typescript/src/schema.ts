@@ -61,7 +61,7 @@ export class Schema {
     return 17 + Math.ceil((4 * this.fields.length + 67 * this.size) / 8);
   }
 
-  /** Likewise of a REF or plain frame. */
+  /** Likewise of a plain frame. */
   get frameBytesMax(): number {
     return 9 + Math.ceil((4 * this.fields.length + 63 * this.size) / 8);
   }

@@ -49,7 +49,6 @@ export function someCodes(size: number): fc.Arbitrary<number[]> {
 export interface AStream {
   readonly schema: Schema;
   readonly states: number[][];
-  readonly refEvery: number;
 }
 
 export function aStream(): fc.Arbitrary<AStream> {
@@ -57,7 +56,6 @@ export function aStream(): fc.Arbitrary<AStream> {
     fc.record({
       schema: fc.constant(schema),
       states: fc.array(someCodes(schema.size), { minLength: 1, maxLength: 14 }),
-      refEvery: fc.constantFrom(0, 1, 3),
     }),
   );
 }

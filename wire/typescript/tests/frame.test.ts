@@ -14,14 +14,14 @@ test('headers', () => {
     seq: 2,
     t: 2.5,
   });
-  expect(parseHeader(bytes('12ffffffff0100ffff00'))).toEqual({
+  expect(parseHeader(bytes('10ffffffff0100ffff00'))).toEqual({
     isKey: false,
-    isRef: true,
     baseId: 0xffffffff,
     distance: 1,
     ms: 65535,
   });
   expect(() => parseHeader(bytes('11ffffffff0100ffff00'))).toThrow('tag 0x11');
+  expect(() => parseHeader(bytes('12ffffffff0100ffff00'))).toThrow('REF frames are reserved');
 });
 
 test('a frame inside a larger buffer is read where it stands', () => {

@@ -18,7 +18,7 @@ export interface Recorder {
   readonly runId?: string;
   /** When it hears the first frame; the others follow at 30 Hz. */
   readonly firstMs?: number;
-  /** It misses these numbers (of frames that are no bases, which it would ask for). */
+  /** It misses these numbers (of frames that are no KEYs, which it would ask for). */
   readonly misses?: ReadonlySet<number>;
   /** Only frames from this number to before that one. */
   readonly hears?: readonly [number, number];
@@ -37,22 +37,21 @@ export function recorded(
   }: Recorder = {},
 ): Segment[] {
   const parts: { fromMs: number; records: SegmentRecord[] }[] = [];
-  let bases: Uint8Array[] = [];
+  let key: Uint8Array | null = null;
   frames.forEach((frame, seq) => {
-    const header = parseHeader(frame);
+    const { isKey } = parseHeader(frame);
     const atUs = seq * 33_333;
     if (seq >= hears[0] && seq < hears[1] && !misses?.has(seq)) {
       if (parts.length === 0 || cuts[seq]) {
         const fromMs = firstMs + Math.floor(atUs / 1000);
-        const copies = header.isKey ? [] : bases;
+        const copies = isKey || key === null ? [] : [key];
         const at = { atUs: atUs % 1000 };
         parts.push({ fromMs, records: copies.map((copy) => ({ kind: 'copy', ...at, frame: copy })) });
       }
       const { fromMs, records } = parts.at(-1)!;
       records.push({ kind: 'frame', atUs: atUs - 1000 * (fromMs - firstMs), lateUs: seq, seq, frame });
     }
-    if (header.isKey) bases = [frame];
-    else if (header.isRef) bases = [bases[0]!, frame];
+    if (isKey) key = frame;
   });
   return parts.map(({ fromMs, records }, index) => ({
     start: {

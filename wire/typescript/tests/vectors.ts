@@ -7,6 +7,7 @@ export interface Step {
   readonly schema?: string;
   readonly frame?: string;
   readonly is?: 'state' | 'unknown' | 'bad';
+  readonly says?: string;
   readonly seq?: number;
   readonly t?: number;
   readonly codes?: readonly number[];
@@ -23,7 +24,7 @@ export interface Case {
   readonly name: string;
   readonly why: string;
   readonly steps: readonly Step[];
-  readonly encode?: { readonly schema: string; readonly key_interval_s: number; readonly ref_every: number };
+  readonly encode?: { readonly schema: string; readonly key_interval_s: number };
 }
 
 export interface Frames {

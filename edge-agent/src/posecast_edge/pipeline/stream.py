@@ -199,13 +199,13 @@ class Stream:
         pose without counting as a sign of life.
         """
         with self._frames_lock:
-            key, ref = self._encoder.key, self._encoder.ref
+            key = self._encoder.key
             left = self._sampler.find_unsent(now_s - PICTURE_S)
             if left is not None:
-                key, ref = self._picture_of(left, now_s), None
+                key = self._picture_of(left, now_s)
         if key is None:
             return None
-        return Snapshot(self.schema.text, self._info, key, ref, model)
+        return Snapshot(self.schema.text, self._info, key, model)
 
     def _picture_of(self, left: LeftOver, now_s: float) -> bytes:
         if self._picture is None or self._picture[0] != left.number:

@@ -1,4 +1,4 @@
-"""Checks what one viewer received: sequence numbers, bases, lateness."""
+"""Checks what one viewer received: sequence numbers, KEYs, lateness."""
 
 from __future__ import annotations
 
@@ -36,13 +36,11 @@ class Viewer:
         self.connected()
 
     def connected(self) -> None:
-        """Note a new connection, which starts without bases."""
+        """Note a new connection, which starts without a KEY."""
         self._decoder = Decoder() if self._decodes else None
-        self._bases: dict[int, tuple[int, float]] = {}  # KEY or REF id → (seq, t); a KEY empties it
+        self._key: tuple[int, int, float] | None = None  # the newest KEY's id, seq, t
         self._seq: int | None = None
-        self._ahead: tuple[float, float] | None = (
-            None  # a base's arrival and lateness, until the next message
-        )
+        self._ahead: tuple[float, float] | None = None  # a KEY's arrival and lateness, until the next message
         self._joined = False
         self.messages = 0
 
@@ -57,7 +55,7 @@ class Viewer:
             self._decoder.add_schema(text)
 
     def binary(self, message: bytes, arrival_s: float) -> float | None:
-        """Take one frame. Returns its lateness in seconds; None for a base sent ahead, or an unusable
+        """Take one frame. Returns its lateness in seconds; None for a KEY sent ahead, or an unusable
         frame."""
         self.messages += 1
         try:
@@ -69,22 +67,19 @@ class Viewer:
             return None
         if header.is_key:
             seq, t_s = header.seq, header.t
-            self._bases.clear()
+            self._key = frame_id(message), seq, t_s
             if self._seq is not None and seq < self._seq:
                 self._seq = None  # a new run starts its own count
         else:
-            base = self._bases.get(header.base_id or 0)
-            if base is None:
+            if self._key is None or self._key[0] != header.base_id:
                 self._tally.undecodable += 1
                 return None
-            seq, t_s = (base[0] + header.seq) & 0xFFFFFFFF, base[1] + header.t / 1000
-        is_base = header.is_key or header.is_ref
-        if is_base:
-            self._bases[frame_id(message)] = (seq, t_s)
+            _, key_seq, key_t_s = self._key
+            seq, t_s = (key_seq + header.seq) & 0xFFFFFFFF, key_t_s + header.t / 1000
         if not self._in_order(seq):
             return None
-        self._joined = self._joined or not is_base
-        return self._count(arrival_s, self._clock.lateness_s(arrival_s, t_s), is_base)
+        self._joined = self._joined or not header.is_key
+        return self._count(arrival_s, self._clock.lateness_s(arrival_s, t_s), header.is_key)
 
     def _in_order(self, seq: int) -> bool:
         last = self._seq
@@ -94,18 +89,18 @@ class Viewer:
             else:
                 self._tally.reordered += 1
             return False
-        # a new viewer gets a base that is seconds old, then the newest frame
+        # a new viewer gets a KEY that is seconds old, then the newest frame
         if last is not None and self._joined:
             self._tally.missed += max(0, (seq - last) // self._step - 1)
         self._seq = seq
         return True
 
-    def _count(self, arrival_s: float, lateness_s: float, is_base: bool) -> float | None:
-        """Count a frame. A base sent only for the frame that follows it in the same write does not count."""
-        ahead, self._ahead = self._ahead, (arrival_s, lateness_s) if is_base else None
+    def _count(self, arrival_s: float, lateness_s: float, is_key: bool) -> float | None:
+        """Count a frame. A KEY sent only for the frame that follows it in the same write does not count."""
+        ahead, self._ahead = self._ahead, (arrival_s, lateness_s) if is_key else None
         if ahead is not None and ahead[0] != arrival_s:
             self._frame(ahead[1])
-        if is_base:
+        if is_key:
             return ahead[1] if ahead is not None else None
         self._frame(lateness_s)
         return lateness_s

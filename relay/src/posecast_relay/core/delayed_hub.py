@@ -36,7 +36,6 @@ class _Moment:
     info: dict[str, str]
     model: str | None
     key: StoredFrame | None
-    ref: StoredFrame | None
     newest: StoredFrame | None
     live: bool
     late_s: float
@@ -64,7 +63,6 @@ class _Ring:
         # what the delayed hub got last
         self.fed: _Moment | None = None
         self.fed_key: StoredFrame | None = None
-        self.fed_ref: StoredFrame | None = None
 
     def put(self, stream: Stream, token: bool, now: float) -> None:
         """Add the stream's current state."""
@@ -77,7 +75,6 @@ class _Ring:
             info=stream.info,
             model=stream.model,
             key=stream.key,
-            ref=stream.ref,
             newest=stream.newest,
             live=stream.newest is not self._newest and stream.live_at is not None,
             late_s=stream.compute_age_s(now) or 0.0,
@@ -175,23 +172,21 @@ class DelayedHub(Hub):
         return out
 
     def _replay_frame(self, robot: str, view: str, ring: _Ring, moment: _Moment, now: float) -> None:
-        newest, key, ref, before = moment.newest, moment.key, moment.ref, ring.fed
+        newest, key, before = moment.newest, moment.key, ring.fed
         assert newest is not None
         assert key is not None
         assert moment.schema is not None
         told = before is not None and before.schema is moment.schema
         told = told and before is not None and (before.info, before.model) == (moment.info, moment.model)
         coming = newest if moment.live else None  # a frame from a snapshot is never sent alone
-        bases_here = key in (ring.fed_key, coming) and ref in (None, ring.fed_ref, coming)
         stamp = Stamp(newest.run_id, round(newest.stamp_s * 1e9))
         of = self.admit_robot(robot)
         if of is not None:  # otherwise none of it is used
             adopt_run(of, newest.run_id, now)  # the live hub has already decided which run is current
             if moment.live:  # it also measured the lateness; it is too late to ask the edge
                 of.runs.record_answer(stamp, moment.late_s, now)
-        if not told or not bases_here:
-            ref_bytes = None if ref is None else ref.payload
-            snapshot = Snapshot(moment.schema.text, moment.info, key.payload, ref_bytes, moment.model)
+        if not told or key not in (ring.fed_key, coming):
+            snapshot = Snapshot(moment.schema.text, moment.info, key.payload, moment.model)
             # without it a KEY would be shown as the picture, however old it is
             picture = None if moment.live else newest.payload
             try:
@@ -206,4 +201,4 @@ class DelayedHub(Hub):
                 room.stream.set_age_unless_live(
                     moment.late_s, now
                 )  # includes a KEY that came with the snapshot
-        ring.fed_key, ring.fed_ref = key, ref
+        ring.fed_key = key

@@ -2,10 +2,9 @@
 
 Each robot has one node with these children:
 
-    schema, key, ref, frame   as the edge sent them, in base64; no `ref` if the frame needs none
-    status                    {robot, age_ms, seq, at, model}, as sent to viewers. `at` is the relay's unix
-                              clock in ms. It differs with every write, so readers can tell that the relay
-                              still writes
+    schema, key, frame   as the edge sent them, in base64
+    status               {robot, age_ms, seq, at, model}, as sent to viewers. `at` is the relay's unix clock
+                         in ms. It differs with every write, so readers can tell that the relay still writes
 
 There is no queue. Each call of `find_changes` compares the current state with what was written, so the newest
 state wins even if the last write was lost.
@@ -27,7 +26,7 @@ SLACK_S = 0.05  # a check that comes this early still counts
 
 Status = dict[str, str | int | None]
 Node = dict[str, str | Status | None]
-EMPTY: Node = dict.fromkeys(("schema", "key", "ref", "frame"))
+EMPTY: Node = dict.fromkeys(("schema", "key", "frame"))
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,6 @@ class Written:
 
     schema: str | None = None
     key: StoredFrame | None = None
-    ref: StoredFrame | None = None
     frame: StoredFrame | None = None
     status: RobotStatus | None = None
     frame_at: float = float("-inf")
@@ -109,19 +107,17 @@ def _change(before: Written, this: VisibleRobot, now: float, unix_s: float) -> N
     stream, node, after = this.stream, Node(), before
     newest = stream.newest if stream.schema is not None else None
     if newest is not before.frame and now >= before.frame_at + 1 / min(this.hz, HZ) - SLACK_S:
-        # all or nothing: readers need the frame together with its bases
+        # all or nothing: readers need the frame together with its KEY
         after = Written(
             schema=stream.schema.text if stream.schema is not None and newest is not None else None,
             key=None if newest is None else newest.key or newest,
-            ref=None if newest is None else newest.ref,
             frame=newest,
             frame_at=now,
         )
         if after.schema != before.schema:
             node["schema"] = None if after.schema is None else b64encode(after.schema.encode()).decode()
-        for name, held, was in (("key", after.key, before.key), ("ref", after.ref, before.ref)):
-            if held is not was:
-                node[name] = _base64(held)
+        if after.key is not before.key:
+            node["key"] = _base64(after.key)
         node["frame"] = _base64(newest)
     if not node and this.status == before.status and now < before.status_at + STATUS_S:
         return None

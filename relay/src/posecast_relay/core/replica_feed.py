@@ -76,7 +76,7 @@ class ReplicaFeed:
         late_s = said.late_s + (under_way_s or 0.0)
         for ns, payload in said.frames:
             stamp = Stamp(said.run_id, ns)
-            age_s = late_s + max(0, said.frames[-1][0] - ns) / 1e9  # bases can be older than the newest frame
+            age_s = late_s + max(0, said.frames[-1][0] - ns) / 1e9  # a KEY can be older than the newest frame
             if under_way_s is not None:  # then the lateness is absolute, not relative to the smallest seen
                 of.runs.record_answer(stamp, age_s, now)
             hub.take_frame(robot, said.view, payload, stamp, now, age_s)

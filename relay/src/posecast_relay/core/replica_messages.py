@@ -27,7 +27,7 @@ class StreamUpdate(NamedTuple):
     late_s: float  # the age of the newest frame when this was sent
     frames: tuple[
         tuple[int, bytes], ...
-    ]  # ns since the run began by the edge's clock, and the frame; bases come first
+    ]  # ns since the run began by the edge's clock, and the frame; a KEY comes first
     events: tuple[str, ...]  # numbered, as sent to viewers
     sent_s: float | None = None
 

@@ -6,7 +6,7 @@ from collections import Counter
 from typing import cast
 
 from posecast_wire import Snapshot, Stamp
-from posecast_wire.frame import REF
+from posecast_wire.frame import TAG_KEY
 
 from posecast_relay.core.actions import Action, Persist
 from posecast_relay.core.edge_messages import read_edge_message
@@ -34,7 +34,7 @@ class Uplink(Roster):
     ) -> FrameOutcome:
         """Take a frame directly from an edge. It is dropped if its robot exceeds its share."""
         found = self.admit_view(robot, view)
-        hashed = len(payload) > 0 and bool(payload[0] & REF)
+        hashed = len(payload) > 0 and payload[0] == TAG_KEY
         if found is not None and not found[0].share.allow_frame(view, len(payload), hashed, now):
             self.outcomes[FrameOutcome.OVER_SHARE.value] += 1
             return FrameOutcome.OVER_SHARE

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from posecast_wire import Decoder, FrameError, Schema, SchemaError
 from posecast_wire.checked import make_visible
+from posecast_wire.frame import TAG_KEY
 from posecast_wire.segment import (
     CopyRecord,
     EventRecord,
@@ -228,7 +229,7 @@ class _Schemas:
         return self._refusals.get(sha256, "its schema is not here")
 
     def lend(self, sha256: str) -> Decoder:
-        """A decoder that knows the schema. What it decoded before does no harm: bases go by their hash."""
+        """A decoder that knows the schema. What it decoded before does no harm: KEYs go by their hash."""
         free = self._decoders.get(sha256)
         if free:
             return free.pop()
@@ -267,15 +268,15 @@ class _OpenSegment:
         self._decoder = schemas.lend(self.start.schema) if self.start.schema is not None else None
 
     def decode(self, index: int, losses: TableLosses) -> TableRow | None:
-        """The row of a frame; frames are asked for in their order, and bases among those in between are
+        """The row of a frame; frames are asked for in their order, and KEYs among those in between are
         learned."""
         decoder = self._decoder
         if decoder is None or self.start.schema is None:
             return None
         record = self.frames[index]
-        for base in self._bases_before(index):
+        for key in self._keys_before(index):
             with suppress(FrameError):  # those that name it will tell
-                decoder.decode(base)
+                decoder.decode(key)
         try:
             frame = decoder.decode(record.frame)
         except FrameError as e:
@@ -292,12 +293,12 @@ class _OpenSegment:
             frame.codes,
         )
 
-    def _bases_before(self, index: int) -> list[bytes]:
+    def _keys_before(self, index: int) -> list[bytes]:
         """What frames from `index` on may name and has not been decoded: another take had it."""
-        bases, self._copies = self._copies, []
-        bases += [each.frame for each in self.frames[self._at : index] if each.frame[0] & 2]
+        keys, self._copies = self._copies, []
+        keys += [each.frame for each in self.frames[self._at : index] if each.frame[0] == TAG_KEY]
         self._at = index + 1
-        return bases
+        return keys
 
     def close(self, schemas: _Schemas) -> None:
         """Nothing more of it is read."""

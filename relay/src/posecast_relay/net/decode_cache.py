@@ -26,26 +26,22 @@ class _Reader:
         self.text: str | None = None
         self._decoder = Decoder()
         self._decoder.add_schema(schema.text)
-        self._bases: tuple[StoredFrame | None, StoredFrame | None] = (None, None)
+        self._key: StoredFrame | None = None  # the one that the decoder holds
 
     def cost(self, newest: StoredFrame) -> int:
-        """Return the number of channels to decode for this frame, including its bases."""
-        known = (newest.key, newest.ref) == self._bases
-        return self.schema.size if known else 3 * self.schema.size
+        """Return the number of channels to decode for this frame, including its KEY."""
+        return self.schema.size if newest.key in (None, self._key) else 2 * self.schema.size
 
     def read(self, newest: StoredFrame) -> None:
         """Decode this frame."""
         self.newest, self.frame, self.text = newest, None, None
-        bases = (newest.key, newest.ref)
         try:
-            if bases != self._bases:
-                for base in bases:
-                    if base is not None:
-                        self._decoder.decode(base.payload)
-                self._bases = bases
+            if newest.key is not None and newest.key is not self._key:
+                self._decoder.decode(newest.key.payload)
             self.frame = self._decoder.decode(newest.payload)
+            self._key = newest.key or newest
         except FrameError:  # an agent sent an invalid frame
-            self._bases = (None, None)
+            self._key = None
 
 
 class DecodeCache:

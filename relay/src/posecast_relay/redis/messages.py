@@ -19,8 +19,8 @@ from posecast_relay.core.replica_messages import Presence, StreamState, StreamUp
 UPDATE, STANDING = b"U", b"S"
 HEADER_END = b"\n"
 
-BYTES_MAX = 1 << 21  # of one message: a hundred events of 4 kB and three frames take a third of it
-FRAMES_MAX = 3  # a KEY, a REF and the newest
+BYTES_MAX = 1 << 21  # of one message: a hundred events of 4 kB and two frames take a third of it
+FRAMES_MAX = 2  # a KEY and the newest
 EVENTS_MAX = 100
 EVENT_BYTES_MAX = 1 << 14  # an edge's 2 kB may take four times as many when they are written anew
 VIEWS_MAX = 64
@@ -73,7 +73,6 @@ def unpack(data: bytes) -> StreamUpdate | Presence:
 
 def unpack_state(fields: Mapping[bytes, bytes]) -> StreamState:
     """Decode the hash of a stream. Raises ValueError if it is invalid."""
-    ref = _bytes(fields, b"ref", FRAME_BYTES_MAX)
     model = _bytes(fields, b"model", 64).decode() or None
     if model is not None and not SHA256.fullmatch(model):
         raise ValueError("state: model is none")
@@ -92,7 +91,6 @@ def unpack_state(fields: Mapping[bytes, bytes]) -> StreamState:
             _bytes(fields, b"schema", SCHEMA_BYTES_MAX).decode(),
             info,
             _bytes(fields, b"key", FRAME_BYTES_MAX),
-            ref or None,
             model,
         ),
         newest=_bytes(fields, b"frame", FRAME_BYTES_MAX),

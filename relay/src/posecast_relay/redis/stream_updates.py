@@ -20,7 +20,6 @@ class WrittenState(NamedTuple):
 
     generation: int
     key: StoredFrame
-    ref: StoredFrame | None
     version: int
     event_n: int
     is_heard: bool
@@ -30,7 +29,7 @@ def describe_written(stream: Stream, generation: int) -> WrittenState:
     """Return what others know of a stream after its whole state was sent. The stream must have a KEY."""
     assert stream.key is not None
     is_heard = stream.live_at is not None
-    return WrittenState(generation, stream.key, stream.ref, stream.version, stream.event_n, is_heard)
+    return WrittenState(generation, stream.key, stream.version, stream.event_n, is_heard)
 
 
 def make_update(
@@ -45,16 +44,15 @@ def make_update(
 
     `before`: what was sent last; None: nothing. `names`: the names of the version and the numbering.
     """
-    key, newest, ref = stream.key, stream.newest, stream.ref
+    key, newest = stream.key, stream.newest
     assert key is not None
     assert newest is not None
-    # what others lack, bases first; frames that were never live here come by the whole state alone
+    # what others lack, the KEY first; frames that were never live here come by the whole state alone
     age_s = stream.compute_age_s(now)
     lacking: list[StoredFrame] = []
     if age_s is not None:
-        bases = [key if before is None or key is not before.key else None]
-        bases.append(ref if ref is not None and (before is None or ref is not before.ref) else None)
-        lacking = [base for base in bases if base is not None and base is not newest] + [newest]
+        knows_key = key is newest or (before is not None and key is before.key)
+        lacking = [newest] if knows_key else [key, newest]
     told_n = before.event_n if before is not None else 0
     return StreamUpdate(
         stream.view,
@@ -73,7 +71,8 @@ def list_lasting_values(stream: Stream, names: tuple[str, str], is_heard: bool) 
     assert stream.key is not None
     values: list[Value] = ["run", f"{stream.run_id:016x}"]
     values += ["schema", stream.schema.text if stream.schema else ""]
-    values += ["key", stream.key.payload, "info", dump(stream.info), "model", stream.model or ""]
+    values += ["key", stream.key.payload, "ref", b""]  # an older relay refuses a state without `ref`
+    values += ["info", dump(stream.info), "model", stream.model or ""]
     values += ["events", "[" + ",".join(event.text for event in stream.events) + "]"]
     values += ["version", names[0], "numbering", names[1]]
     return [*values, "heard", "1" if is_heard else "0"]

@@ -42,13 +42,11 @@ def make_state_call(
     `before`: what this process wrote last; None: write the whole state. `writer`: the process's name.
     `sent_s`: Redis's clock.
     """
-    newest, ref, state = stream.newest, stream.ref, describe_written(stream, generation)
+    newest, state = stream.newest, describe_written(stream, generation)
     assert newest is not None
-    light = before is not None and before == state._replace(ref=before.ref)
+    light = before == state
     names = f"{writer}:{stream.version}", stream.numbering
     values: list[Value] = ["frame", newest.payload, "stamp", compute_ns(newest)]
-    if before is None or ref is not before.ref or not light:
-        values += ["ref", ref.payload if ref else b""]
     if not light:
         values += list_lasting_values(stream, names, state.is_heard)
     update = make_update(stream, before, generation, names, now, sent_s)

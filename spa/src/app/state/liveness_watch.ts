@@ -14,12 +14,12 @@ export interface Watch {
   verdict(): Verdict;
   /** Its word; null while nothing is known. */
   readonly word: Word | null;
-  /** Adds a listener for changes of `word`. Returns a function that removes it. */
+  /** Adds a listener for changes of the word or its cause. Returns a function that removes it. */
   readonly onWord: (listener: () => void) => () => void;
 }
 
 /** Judges a robot's evidence at least ten times a second, because no event tells that messages have stopped. Notifies listeners
- *  when the word changes. Chip, banner and body all use the verdict of the last check, so that they never disagree. */
+ *  when the word or its cause changes. Chip, banner and body all use the verdict of the last check, so that they never disagree. */
 export class LivenessWatch implements Watch {
   readonly #twin: RobotTwin;
   readonly #onSlept: () => void;
@@ -58,7 +58,7 @@ export class LivenessWatch implements Watch {
     return this.#verdict.word;
   }
 
-  /** Adds a listener for changes of `word`. Returns a function that removes it. */
+  /** Adds a listener for changes of the word or its cause. Returns a function that removes it. */
   readonly onWord = (listener: () => void): (() => void) => {
     this.#listeners.add(listener);
     return () => this.#listeners.delete(listener);
@@ -91,7 +91,7 @@ export class LivenessWatch implements Watch {
   };
 
   #tell(): void {
-    const before = this.word;
+    const { word: before, cause: causeBefore } = this.#verdict;
     const verdict = judge(this.#twin.evidence, this.#lookedMs);
     const claims = this.#lost && isClaim(verdict.word); // a state called old may be called so all the time
     const sinceMs = nowMs() - this.#lookedMs;
@@ -99,8 +99,8 @@ export class LivenessWatch implements Watch {
     const ageMs = verdict.ageMs === null ? null : verdict.ageMs + sinceMs;
     if (claims) this.#verdict = { ...verdict, word: 'STALE', cause: null, overShare: false, ageMs };
     else this.#verdict = verdict.word === 'STALE' ? { ...verdict, ageMs } : verdict;
-    const { word } = this.#verdict;
-    if (word === before) return;
+    const { word, cause } = this.#verdict;
+    if (word === before && cause === causeBefore) return;
     if (isClaim(before) && word !== null && !isClaim(word) && !claims) {
       this.#twin.evidence.otherwiseMs = this.#lookedMs;
       this.#onDoubt(this.#lookedMs);

@@ -96,9 +96,14 @@ export function useBehindMs({ client }: RobotLink): number | null {
   return useSyncExternalStore(client.onChange, () => client.link.behindMs);
 }
 
-/** The robot's liveness in one word; null while nothing is known. The component is drawn again when it changes. */
+/** The robot's liveness in one word; null while nothing is known. The component is drawn again when it or its cause changes, in
+ *  the same picture as every other one. */
 export function useWord({ watch }: RobotLink): Word | null {
-  return useSyncExternalStore(watch.onWord, () => watch.word);
+  useSyncExternalStore(watch.onWord, () => {
+    const { word, cause } = watch.verdict();
+    return `${word} ${cause}`;
+  });
+  return watch.word;
 }
 
 /** Whether the shown pose is out of date at the shown time. The component is redrawn when that changes. */

@@ -43,7 +43,7 @@ export class PoseReader {
     }
   }
 
-  /** Takes an earlier KEY or REF, which the next frames refer to. */
+  /** Takes an earlier KEY, which the next frames refer to. */
   addCopy(bytes: Uint8Array): void {
     this.#decode(bytes);
   }

@@ -10,7 +10,6 @@ from posecast_wire.schema import CODE_MAX, MISSING, Schema
 
 KEY_ORDER = 4
 ALL_ZERO = 15
-REFS_MAX = 4  # the newest; senders name only the very newest, the others are for channels that reorder
 
 
 @dataclass(frozen=True)
@@ -32,20 +31,19 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class _Base:
+class _Key:
+    id: int
     frame: Frame
     orders: Sequence[int]
 
 
 class Decoder:
-    """Decodes the frames of a stream. It keeps the newest `max_schemas` schemas, the newest KEY and its
-    newest REFs."""
+    """Decodes the frames of a stream. It keeps the newest `max_schemas` schemas and the newest KEY."""
 
     def __init__(self, max_schemas: int = 4) -> None:
         self._max_schemas = max_schemas
         self._schemas: dict[int, Schema] = {}
-        self._key: tuple[int, _Base] | None = None
-        self._refs: dict[int, _Base] = {}
+        self._key: _Key | None = None
 
     def add_schema(self, text: str) -> Schema:
         """Add a schema given as its exact text. Raises SchemaError when it is invalid."""
@@ -71,31 +69,19 @@ class Decoder:
         orders = [bits.take(4) for _ in range(schema.size)]
         bits.end()
         result = Frame(schema, header.seq, header.t, codes)
-        key_id = frame_id(frame)
-        if self._key is None or self._key[0] != key_id:  # a repeated KEY retires nothing
-            self._key = (key_id, _Base(result, orders))
-            self._refs = {}
+        self._key = _Key(frame_id(frame), result, orders)
         return result
 
     def _decode_from(self, frame: bytes, header: Header) -> Frame:
-        base_id = header.base_id or 0
-        key_id, key = self._key or (None, None)
-        base = key if base_id == key_id else self._refs.get(base_id)
-        if base is None or key is None:
-            raise BaseUnknown(f"base {base_id:08x} is not here")
-        if header.is_ref and base is not key:
-            raise BadFrame("a REF coded against a REF")
-        of = base.frame
+        key = self._key
+        if key is None or key.id != header.base_id:
+            raise BaseUnknown(f"base {header.base_id or 0:08x} is not here")
+        of = key.frame
         _check_size(frame, of.schema.frame_bytes_max)
         bits = _Bits(frame, HEADER.size)
         codes = _read_codes(bits, of.schema, of.codes, key.orders)
         bits.end()
-        result = Frame(of.schema, (of.seq + header.seq) & 0xFFFFFFFF, of.t_s + header.t / 1000, codes)
-        if header.is_ref:
-            self._refs[frame_id(frame)] = _Base(result, key.orders)
-            if len(self._refs) > REFS_MAX:
-                del self._refs[next(iter(self._refs))]
-        return result
+        return Frame(of.schema, (of.seq + header.seq) & 0xFFFFFFFF, of.t_s + header.t / 1000, codes)
 
 
 def _check_size(frame: bytes, bytes_max: int) -> None:

@@ -8,7 +8,7 @@ from math import floor, isfinite
 from operator import add, getitem, sub
 from typing import NamedTuple
 
-from posecast_wire.frame import HEADER, KEY_HEADER, TAG_KEY, TAG_PLAIN, TAG_REF, frame_id
+from posecast_wire.frame import HEADER, KEY_HEADER, TAG_KEY, TAG_PLAIN, frame_id
 from posecast_wire.schema import CODE_MAX, MISSING, Field, Schema
 
 ORDER_MAX = 15  # of the exp-Golomb code
@@ -48,27 +48,19 @@ CODES = [_Codes(k) for k in range(ORDER_MAX + 1)]
 
 class Encoder:
     """Encodes one stream of one run. The interval between KEYs is measured on the monotonic clock, not in
-    robot time.
+    robot time."""
 
-    With `ref_every` > 0, channels of `slow` fields change only in KEYs and REFs; otherwise they change in
-    every frame.
-    """
-
-    def __init__(self, schema: Schema, key_interval_s: float = 4.0, ref_every: int = 0) -> None:
-        """`ref_every`: every n-th frame after a KEY is a REF; 0 = none."""
+    def __init__(self, schema: Schema, key_interval_s: float = 4.0) -> None:
         if not key_interval_s > 0:
             raise ValueError(f"key interval of {key_interval_s} s")
         self.schema = schema
-        self.key: bytes | None = None  # the newest KEY and, since it, the newest REF: the snapshot's bases
-        self.ref: bytes | None = None
+        self.key: bytes | None = None  # the newest KEY: the base of the frames after it
         self._key_interval_s = key_interval_s
-        self._ref_every = ref_every
         self._spans = [_Span.of(schema, f) for f in schema.fields]
         self._zeros = [0] * schema.size
         self._key_now_s = 0.0
         self._last_t_s = 0.0
-        self._frames_since_key = 0
-        self._key_base = self._base = _Base(0, 0, 0.0, self._zeros)
+        self._base = _Base(0, 0, 0.0, self._zeros)
         self._z_sums = [0] * schema.size
         self._z_frames = 0
         self._orders = [NEW_ORDER] * schema.size
@@ -89,8 +81,7 @@ class Encoder:
             raise ValueError("a code past the range")
         if not (0 <= seq < 1 << 32 and isfinite(t_s)):
             raise ValueError(f"seq {seq}, t {t_s}: no frame can carry them")
-        is_ref = self._ref_every > 0 and (self._frames_since_key + 1) % self._ref_every == 0
-        base = self._key_base if is_ref else self._base
+        base = self._base
         distance = (seq - base.seq) & 0xFFFFFFFF
         t_ms = floor(max(-1.0, min(t_s - base.t_s, 66.0)) * 1000 + 0.5)
         stepped_back = t_s < self._last_t_s
@@ -104,7 +95,9 @@ class Encoder:
             or not 0 < distance <= 0xFFFF
         ):
             return self._encode_key(codes, seq, t_s, now_s)
-        return self._encode_from(base, is_ref, codes, distance, t_ms)
+        bits = self._body(codes, base.codes, self._rows, learn=True)
+        self._z_frames += 1
+        return HEADER.pack(TAG_PLAIN, base.id, distance, t_ms) + _packed(bits)
 
     def _encode_key(self, codes: Sequence[int], seq: int, t_s: float, now_s: float) -> bytes:
         if self._z_frames >= LEARNING_FRAMES:  # otherwise the old orders are better, and learning continues
@@ -116,38 +109,19 @@ class Encoder:
         bits = self._body(codes, self._zeros, self._key_rows, learn=False)
         frame = KEY_HEADER.pack(TAG_KEY, self.schema.id, seq, t_s)
         frame += _packed(bits + "".join([NIBBLES[k] for k in self._orders]))
-        self._key_base = self._base = _Base(frame_id(frame), seq, t_s, list(codes))
+        self._base = _Base(frame_id(frame), seq, t_s, list(codes))
         self._key_now_s = now_s
-        self._frames_since_key = 0
-        self.key, self.ref = frame, None
-        return frame
-
-    def _encode_from(
-        self, base: _Base, is_ref: bool, codes: Sequence[int], distance: int, t_ms: int
-    ) -> bytes:
-        if self._ref_every and not is_ref:
-            moving, codes = codes, list(base.codes)
-            for span in self._spans:
-                if not span.slow:
-                    codes[span.start : span.stop] = moving[span.start : span.stop]
-        bits = self._body(codes, base.codes, self._rows, learn=True)
-        self._z_frames += 1
-        self._frames_since_key += 1
-        frame = HEADER.pack(TAG_REF if is_ref else TAG_PLAIN, base.id, distance, t_ms) + _packed(bits)
-        if is_ref:
-            seq = (base.seq + distance) & 0xFFFFFFFF
-            self._base = _Base(frame_id(frame), seq, base.t_s + t_ms / 1000, list(codes))
-            self.ref = frame
+        self.key = frame
         return frame
 
     def _body(self, codes: Sequence[int], base: Sequence[int], rows: _Rows, learn: bool) -> str:
         """Return the bits of all fields against a base. `learn`: use the changes for later orders."""
         moved: dict[int, list[int]] = {}  # by the field's start; [] for an unchanged field, like most
-        for start, stop, _, _ in self._spans:
+        for start, stop, _ in self._spans:
             field, still = codes[start:stop], base[start:stop]
             moved[start] = [] if field == still else list(map(sub, field, still))
         parts: list[str] = []
-        for start, stop, rel, _ in self._spans:
+        for start, stop, rel in self._spans:
             r = moved[start]
             if rel is not None and moved[rel]:
                 r = list(map(sub, r or self._zeros, moved[rel]))
@@ -172,12 +146,11 @@ class _Span(NamedTuple):
     start: int
     stop: int
     rel: int | None  # where the partner's channels start
-    slow: bool
 
     @classmethod
     def of(cls, schema: Schema, f: Field) -> _Span:
         partner = schema.find_field(f.rel) if f.rel else None
-        return cls(f.start, f.start + f.size, partner.start if partner else None, f.slow)
+        return cls(f.start, f.start + f.size, partner.start if partner else None)
 
 
 class _Rows:

@@ -9,14 +9,12 @@ from typing import NamedTuple
 from posecast_wire.fnv import fnv1a32
 
 VERSION = 1
-KEY = 1
-REF = 2
 FRAME_BYTES_MAX = 1 << 16  # 4096 channels of the widest codes fit
 
 KEY_HEADER = struct.Struct("<BIId")
 HEADER = struct.Struct("<BIHH")
-TAG_KEY = VERSION << 4 | KEY | REF
-TAG_REF = VERSION << 4 | REF
+TAG_KEY = VERSION << 4 | 3
+TAG_RESERVED = VERSION << 4 | 2  # REF, a second kind of base, which no agent ever sent
 TAG_PLAIN = VERSION << 4
 
 
@@ -36,8 +34,7 @@ class Header(NamedTuple):
     """A frame's header. `seq`, `t`: absolute in a KEY (u32; seconds, robot clock), else relative to the base
     (u16; ms)."""
 
-    is_key: bool
-    is_ref: bool  # later frames may name this one as their base; true for every KEY
+    is_key: bool  # later frames may name this one as their base
     schema_id: int | None
     base_id: int | None
     seq: int
@@ -59,17 +56,19 @@ def parse_header(frame: bytes) -> Header:
         _, schema_id, seq, t = KEY_HEADER.unpack_from(frame)
         if not math.isfinite(t):
             raise BadFrame("KEY without a time")
-        return Header(True, True, schema_id, None, seq, t)
-    if tag not in (TAG_REF, TAG_PLAIN):
+        return Header(True, schema_id, None, seq, t)
+    if tag == TAG_RESERVED:
+        raise BadFrame("REF frames are reserved")
+    if tag != TAG_PLAIN:
         raise BadFrame(f"tag 0x{tag:02x}")
     if len(frame) <= HEADER.size:
         raise BadFrame(f"frame of {len(frame)} bytes")
     _, base_id, distance, t_ms = HEADER.unpack_from(frame)
     if distance == 0:
         raise BadFrame("no distance from its base")
-    return Header(False, tag == TAG_REF, None, base_id, distance, t_ms)
+    return Header(False, None, base_id, distance, t_ms)
 
 
 def frame_id(frame: bytes) -> int:
-    """The id by which later frames refer to this KEY or REF: FNV-1a-32 of all its bytes."""
+    """The id by which later frames refer to this KEY: FNV-1a-32 of all its bytes."""
     return fnv1a32(frame)

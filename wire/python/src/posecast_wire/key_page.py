@@ -41,8 +41,8 @@ class KeyPose:
     """The first pose of a segment: its first frame, accepted at `at_ms` (Unix ms, rounded down), then
     `late_us` late.
 
-    `frame` is a KEY, or `copies` has the KEY and any newest REF; these are decoded first and are not poses of
-    this moment. `take`, `run_id`: u64; `index`: of the segment in its take; `schema`, `model`: SHA-256 in
+    `frame` is a KEY, or `copies` has the KEY that it names; that is decoded first and is not a pose of this
+    moment. `take`, `run_id`: u64; `index`: of the segment in its take; `schema`, `model`: SHA-256 in
     hexadecimal.
     """
 
@@ -237,7 +237,7 @@ def _read_pose(r: ByteReader, from_ms: int, takes: list[tuple[int, int]], hashes
         r.fail("schema", "none")
     model = _read_row(r, "model", hashes)
     late_us = r.take_varint("lateness")
-    copies = r.take_varint("copies", 2)
+    copies = r.take_varint("copies", 1)
     at = r.at
     frames = tuple(
         r.take_bytes("frame", r.take_varint("frame length", FRAME_BYTES_MAX)) for _ in range(copies + 1)
@@ -258,7 +258,7 @@ def _read_row(r: ByteReader, what: str, hashes: list[str]) -> str | None:
 
 
 def _check_frames(copies: Sequence[bytes], frame: bytes) -> int:
-    """Return the number of the frame, which must be a KEY or have its base in the copies."""
+    """Return the number of the frame, which must be a KEY or name the copied one."""
     chain = FrameChain()
     for copy in copies:
         chain.add_copy(copy)

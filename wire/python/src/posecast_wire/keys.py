@@ -92,14 +92,12 @@ class Snapshot(NamedTuple):
     schema: str
     info: dict[str, str]
     key: bytes
-    ref: bytes | None
     model: str | None
 
     def pack(self) -> bytes:
-        """Encode as JSON, with frames in base64."""
-        ref = None if self.ref is None else base64.b64encode(self.ref).decode()
+        """Encode as JSON, with the KEY in base64. `ref` is for older readers, which expect the member."""
         doc = {"v": 1, "schema": self.schema, "info": self.info, "model": self.model}
-        doc |= {"key": base64.b64encode(self.key).decode(), "ref": ref}
+        doc |= {"key": base64.b64encode(self.key).decode(), "ref": None}
         return json.dumps(doc, separators=(",", ":"), ensure_ascii=False).encode()
 
     @classmethod
@@ -114,10 +112,7 @@ class Snapshot(NamedTuple):
             raise ValueError("snapshot: info must be an object of texts")
         if model is not None and not (isinstance(model, str) and re.fullmatch("[0-9a-f]{64}", model)):
             raise ValueError("snapshot: model must be a SHA-256 or null")
-        key, ref = _frame(doc, "key"), _frame(doc, "ref")
-        if key is None:
-            raise ValueError("snapshot: key must be base64")
-        return cls(schema, info, key, ref, model)
+        return cls(schema, info, _read_key_frame(doc), model)
 
 
 class Echo(NamedTuple):
@@ -168,13 +163,11 @@ def _document(data: bytes, what: str) -> dict[str, object]:
     return doc
 
 
-def _frame(doc: dict[str, object], name: str) -> bytes | None:
-    text = doc.get(name)
-    if text is None:
-        return None
-    if not isinstance(text, str):
-        raise ValueError(f"snapshot: {name} must be base64")
+def _read_key_frame(doc: dict[str, object]) -> bytes:
+    text = doc.get("key")
     try:
-        return base64.b64decode(text, validate=True)
+        if isinstance(text, str):
+            return base64.b64decode(text, validate=True)
     except (binascii.Error, ValueError):
-        raise ValueError(f"snapshot: {name} must be base64") from None
+        pass
+    raise ValueError("snapshot: key must be base64")

@@ -86,7 +86,7 @@ class Schema:
 
     @property
     def frame_bytes_max(self) -> int:
-        """Upper bound for the bytes of a REF or plain frame."""
+        """Upper bound for the bytes of a plain frame."""
         return 9 + (4 * len(self.fields) + 63 * self.size + 7) // 8
 
     def find_field(self, name: str) -> Field | None:

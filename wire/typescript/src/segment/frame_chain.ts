@@ -3,11 +3,6 @@ import { SegmentError } from './segment.ts';
 
 const SEQS = 2 ** 32; // a frame's number goes round
 
-interface Base {
-  readonly id: number;
-  readonly seq: number;
-}
-
 /** Follows the frames of a segment by their headers: each has its base here, and their numbers rise. */
 export class FrameChain {
   count = 0;
@@ -15,16 +10,14 @@ export class FrameChain {
   firstSeq = 0;
   lastSeq = 0;
   #schemaId: number | null = null;
-  #key: Base | null = null;
-  #ref: Base | null = null;
+  #key: { readonly id: number; readonly seq: number } | null = null;
 
-  /** Takes a copy of a base. */
+  /** Takes a copy of the KEY. */
   addCopy(frame: Uint8Array): void {
     const header = parse(frame);
     if (this.count > 0) throw new SegmentError('copy: behind a frame');
-    if (this.copies === 2 || header.isKey !== (this.copies === 0) || !(header.isKey || header.isRef))
-      throw new SegmentError('copy: want a KEY, then at most a REF');
-    this.#take(frame, header, this.#seq(header));
+    if (this.copies > 0 || !header.isKey) throw new SegmentError('copy: want one KEY');
+    this.#take(frame, header);
     this.copies++;
   }
 
@@ -39,28 +32,21 @@ export class FrameChain {
     const seq = this.#seq(header);
     if (this.count > 0 && (seq - this.lastSeq - 1 + 2 * SEQS) % SEQS >= SEQS / 2)
       throw new SegmentError(`frame: number ${seq} after ${this.lastSeq}`);
-    if (header.isKey || header.isRef) this.#take(frame, header, seq);
+    if (header.isKey) this.#take(frame, header);
     if (this.count === 0) this.firstSeq = seq;
     this.lastSeq = seq;
     this.count++;
     return seq;
   }
 
-  #take(frame: Uint8Array, header: Header, seq: number): void {
-    const base = { id: frameId(frame), seq };
-    if (!header.isKey) {
-      this.#ref = base;
-      return;
-    }
-    this.#key = base;
-    this.#ref = null;
-    this.#schemaId = header.schemaId;
+  #take(frame: Uint8Array, { schemaId, seq }: Header & { isKey: true }): void {
+    this.#key = { id: frameId(frame), seq };
+    this.#schemaId = schemaId;
   }
 
   #seq(header: Header): number {
     if (header.isKey) return header.seq;
-    for (const base of [this.#key, header.isRef ? null : this.#ref])
-      if (base?.id === header.baseId) return (base.seq + header.distance) % SEQS;
+    if (this.#key?.id === header.baseId) return (this.#key.seq + header.distance) % SEQS;
     throw new SegmentError(`frame: its base ${header.baseId.toString(16).padStart(8, '0')} is not here`);
   }
 }

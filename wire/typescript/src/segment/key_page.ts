@@ -16,8 +16,8 @@ export const POSE = 1; // the kind of an entry
 
 /**
  * The first pose of a segment: its first frame, accepted at `atMs` (unix, rounded down) and `lateUs` late then. `frame`
- * is a KEY, or `copies` has the KEY, and the newest REF if there was one: they are decoded before it, and are no poses
- * of this moment. `take`, `runId`: 16 hexadecimal digits; `schema`, `model`: SHA-256, hexadecimal.
+ * is a KEY, or `copies` has the KEY that it names: that is decoded before it, and is no pose of this moment.
+ * `take`, `runId`: 16 hexadecimal digits; `schema`, `model`: SHA-256, hexadecimal.
  */
 export interface KeyPose {
   readonly atMs: number;
@@ -119,7 +119,7 @@ function readPose(r: ByteReader, fromMs: number, takes: readonly Row[], hashes: 
   const schema = readRow(r, 'schema', hashes) ?? r.fail('schema', 'none');
   const model = readRow(r, 'model', hashes);
   const lateUs = r.varint('lateness');
-  const count = r.varint('copies', 2);
+  const count = r.varint('copies', 1);
   const { at } = r;
   const copies = Array.from({ length: count }, () => readFrame(r));
   const frame = readFrame(r);
@@ -142,7 +142,7 @@ function readRow(r: ByteReader, what: string, hashes: readonly string[]): string
   return hashes[row - 1] ?? null;
 }
 
-/** The number of the frame, which is a KEY or has its base in the copies. */
+/** The number of the frame, which is a KEY or names the copied one. */
 export function checkFrames(copies: readonly Uint8Array[], frame: Uint8Array): number {
   const chain = new FrameChain();
   for (const copy of copies) chain.addCopy(copy);

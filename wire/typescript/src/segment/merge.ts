@@ -5,7 +5,7 @@ import { type Segment, SegmentError } from './segment.ts';
 
 /**
  * A frame, accepted at `atMs` (unix, with µs as its fraction), `lateUs` late then. `copies` are decoded
- * before it: its bases, as far as the frames before it in the merged stream are not these.
+ * before it: its KEY, if it is not the newest one before it in the merged stream.
  */
 export interface MergedFrame {
   readonly runId: string;
@@ -27,12 +27,11 @@ export interface FrameGap {
   readonly toMs: number;
 }
 
-/** `place`: a frame's number without its turns, from the first one seen of its run. `key`, `ref`: the newest before it
- *  in its segment. */
+/** `place`: a frame's number without its turns, from the first one seen of its run. `key`: the newest one before it in
+ *  its segment. */
 interface Candidate extends Omit<MergedFrame, 'copies'> {
   readonly place: number;
   readonly key: Uint8Array | null;
-  readonly ref: Uint8Array | null;
 }
 
 /**
@@ -49,8 +48,8 @@ export function mergeSegments(segments: Iterable<Segment>): {
   const frames: MergedFrame[] = [];
   const gaps: FrameGap[] = [];
   for (const run of [...runs.values()].map(byPlace)) {
-    const bases = new Bases();
-    run.forEach(({ place, key, ref, ...frame }, i) => {
+    let keyId: number | null = null; // of the newest KEY that a decoder of the merged stream has
+    run.forEach(({ place, key, ...frame }, i) => {
       const before = run[i - 1];
       const missing = before ? place - before.place - 1 : 0;
       if (before && missing > 0)
@@ -61,7 +60,10 @@ export function mergeSegments(segments: Iterable<Segment>): {
           fromMs: before.atMs,
           toMs: frame.atMs,
         });
-      frames.push({ ...frame, copies: bases.missingFor(frame.frame, key, ref) });
+      const header = parseHeader(frame.frame);
+      const lacksKey = !header.isKey && header.baseId !== keyId && key !== null;
+      frames.push({ ...frame, copies: lacksKey ? [key] : [] });
+      keyId = header.isKey ? frameId(frame.frame) : header.baseId;
     });
   }
   return { frames, gaps };
@@ -82,7 +84,6 @@ function inOrder(segments: Iterable<Segment>): Segment[] {
 function addFrames(runs: Map<string, Map<number, Candidate>>, { start, records }: Segment): void {
   const { runId, schema, fromMs } = start;
   let key: Uint8Array | null = null;
-  let ref: Uint8Array | null = null;
   for (const record of records) {
     if (record.kind !== 'copy' && record.kind !== 'frame') continue;
     const { frame } = record;
@@ -93,43 +94,12 @@ function addFrames(runs: Map<string, Map<number, Candidate>>, { start, records }
       const place = first ? first.place + ((record.seq - first.seq) | 0) : 0;
       const atMs = fromMs + record.atUs / 1000;
       const { seq, lateUs } = record;
-      if (!run.has(place)) run.set(place, { runId, seq, atMs, lateUs, schema, frame, place, key, ref });
+      if (!run.has(place)) run.set(place, { runId, seq, atMs, lateUs, schema, frame, place, key });
     }
-    const header = parseHeader(frame);
-    if (header.isKey) [key, ref] = [frame, null];
-    else if (header.isRef) ref = frame;
+    if (parseHeader(frame).isKey) key = frame;
   }
 }
 
 function byPlace(run: Map<number, Candidate>): Candidate[] {
   return [...run.values()].sort((a, b) => a.place - b.place);
-}
-
-/** What a decoder that has followed the merged stream has as bases. */
-class Bases {
-  #key: number | null = null;
-  #ref: number | null = null;
-
-  /** Follows a frame. What must be decoded before it, of the KEY and REF that its segment has. */
-  missingFor(frame: Uint8Array, key: Uint8Array | null, ref: Uint8Array | null): Uint8Array[] {
-    const header = parseHeader(frame);
-    const copies: Uint8Array[] = [];
-    if (!header.isKey && header.baseId !== this.#key && header.baseId !== this.#ref) {
-      if (key !== null && frameId(key) !== this.#key) {
-        this.#take(key);
-        copies.push(key);
-      }
-      if (ref !== null && frameId(ref) === header.baseId) {
-        this.#take(ref);
-        copies.push(ref);
-      }
-    }
-    if (header.isKey || header.isRef) this.#take(frame);
-    return copies;
-  }
-
-  #take(frame: Uint8Array): void {
-    if (!parseHeader(frame).isKey) this.#ref = frameId(frame);
-    else [this.#key, this.#ref] = [frameId(frame), null];
-  }
 }

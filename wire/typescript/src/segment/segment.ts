@@ -59,7 +59,7 @@ export interface SegmentStart {
 
 /**
  * Something that was accepted. `atUs`: when, µs since the segment's `fromMs`. A `frame` that was `lateUs` late then; a
- * `copy` of a KEY or REF of before, which frames here name as their base; an `event` as every viewer got it
+ * `copy` of a KEY of before, which frames here name as their base; an `event` as every viewer got it
  * (`parseRelayMessage` reads it); or what info, model or the robot's status changed to.
  */
 export type SegmentRecord =

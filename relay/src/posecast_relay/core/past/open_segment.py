@@ -15,7 +15,6 @@ from posecast_relay.core.state.stream import SEQS, StoredFrame
 KEY_US = 1_000_000  # the first KEY after this time ends the segment
 LENGTH_S = 6.0  # it ends after this time in any case
 RECORD_BYTES = 24  # a record's overhead, at most
-COPIED_BYTES = 2 * RECORD_BYTES
 
 
 class OpenSegment:
@@ -31,7 +30,6 @@ class OpenSegment:
         self._began_us = at_us
         self._writer = SegmentWriter(start)
         self._key: StoredFrame | None = None  # the segment's newest KEY
-        self._ref: StoredFrame | None = None  # the newest REF since that KEY
         self._first_seq = 0
         self._events: list[PastEvent] = []
         self._words = [PastWord(start.from_ms, start.word)]
@@ -42,31 +40,27 @@ class OpenSegment:
         """How many frames it holds, not counting copies."""
         return self._writer.frames
 
-    def takes_frame(self, frame: StoredFrame, ref: StoredFrame | None, at_us: int) -> bool:
-        """Whether this frame continues the segment; otherwise it begins the next one. `ref`: the newest
-        REF."""
+    def takes_frame(self, frame: StoredFrame, at_us: int) -> bool:
+        """Whether this frame continues the segment; otherwise it begins the next one."""
         size = len(frame.payload)
         if frame.is_key:
             if at_us - self._began_us >= KEY_US:
                 return False
         elif self._writer.frames:
-            if frame.key is not self._key or (frame.ref is not None and frame.ref is not self._ref):
-                return False  # its base came with a snapshot
-        else:
-            size += COPIED_BYTES + sum(len(base.payload) for base in (frame.key, ref) if base)
+            if frame.key is not self._key:
+                return False  # its KEY came with a snapshot
+        elif frame.key is not None:
+            size += RECORD_BYTES + len(frame.key.payload)
         return self._writer.has_room(size)
 
     def has_room(self, payload_bytes: int) -> bool:
         """Whether a record with this many bytes of content fits."""
         return self._writer.has_room(payload_bytes)
 
-    def append_frame(
-        self, frame: StoredFrame, ref: StoredFrame | None, last_seq: int | None, at_us: int, late_s: float
-    ) -> None:
+    def append_frame(self, frame: StoredFrame, last_seq: int | None, at_us: int, late_s: float) -> None:
         """Append a frame for which `takes_frame` is true.
 
-        `ref`: the newest REF, possibly this frame; `last_seq`: of the previous frame in this take; `late_s`:
-        its lateness in seconds.
+        `last_seq`: of the previous frame in this take; `late_s`: its lateness in seconds.
         """
         writer, at_us = self._writer, at_us - self._from_us
         if not writer.frames:
@@ -76,14 +70,9 @@ class OpenSegment:
             if frame.key is not None:
                 self._key = frame.key
                 writer.append_copy(frame.key.payload, at_us)
-                if ref is not None and ref is not frame:
-                    self._ref = ref
-                    writer.append_copy(ref.payload, at_us)
         writer.append_frame(frame.payload, at_us, min(max(0, round(late_s * 1e6)), COUNT_MAX))
         if frame.is_key:
-            self._key, self._ref = frame, None
-        elif frame.is_ref:
-            self._ref = frame
+            self._key = frame
 
     def append_event(self, text: str, at_us: int, is_fault: bool) -> None:
         """Append an event. `is_fault`: it begins a fault."""

@@ -100,7 +100,7 @@ class StreamRecording:
             return
         before = self._open
         if before is not None and (
-            before.schema is not self._stream.schema or not before.takes_frame(frame, self._stream.ref, at_us)
+            before.schema is not self._stream.schema or not before.takes_frame(frame, at_us)
         ):
             self.close(now)
             before = None
@@ -110,7 +110,7 @@ class StreamRecording:
             if schema is None or parse_header(key.payload).schema_id != schema.id:
                 return  # nobody could decode it
         segment = self._enter(at_us, now)
-        segment.append_frame(frame, self._stream.ref, self._last_seq, at_us, late_s)
+        segment.append_frame(frame, self._last_seq, at_us, late_s)
         self._last_seq = frame.seq
 
     def take_event(self, event: Event, doc: dict[str, object], now: float) -> None:

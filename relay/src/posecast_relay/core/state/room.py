@@ -1,6 +1,6 @@
 """One stream and its viewers, and the rule for sending them frames.
 
-When a viewer is due by its rate and its socket has drained, it gets any schema and bases it lacks, then the
+When a viewer is due by its rate and its socket has drained, it gets any schema and KEY it lacks, then the
 newest frame, in one write. Joining, rates and slow viewers all follow from this rule.
 """
 
@@ -203,7 +203,7 @@ class Room:
     def _send_frame(
         self, group: RateGroup, viewers: Iterable[Viewer], frame: StoredFrame, now: float, out: list[Action]
     ) -> None:
-        """Send a frame to viewers that are due, in one pass. Nearly all hold the bases and share the frame's
+        """Send a frame to viewers that are due, in one pass. Nearly all hold the KEY and share the frame's
         bytes."""
         ready: list[Viewer] = []
         lacking: list[Viewer] = []
@@ -242,8 +242,6 @@ class Room:
             parts.append(self.stream.make_description(viewer.schema_n))
         if frame.key is not None and viewer.key is not frame.key:
             parts.append(frame.key.packed)
-        if frame.ref is not None and viewer.ref is not frame.ref:
-            parts.append(frame.ref.packed)
         parts.append(frame.packed)
         return b"".join(parts)
 

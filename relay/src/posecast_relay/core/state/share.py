@@ -10,7 +10,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.kit import TokenBucket
 
 OVER_FOR_S = 3.0  # after the last dropped message: a flood is one status, not one per frame
-HASHED = 2  # a KEY or REF costs twice its bytes: it is hashed and kept
+HASHED = 2  # a KEY costs twice its bytes: it is hashed and kept
 
 
 class Share:

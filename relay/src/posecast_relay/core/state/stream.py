@@ -1,4 +1,4 @@
-"""The newest state of one robot's view as sent by the edge: schema, bases, newest frame, info, events.
+"""The newest state of one robot's view as sent by the edge: schema, KEY, newest frame, info, events.
 
 Only headers are read. A frame is ignored if it is old, repeated, too large, of an unknown version, or coded
 against a base that is not here. Its outcome is returned so that it can be counted.
@@ -48,10 +48,8 @@ class StoredFrame:
         "_packed",
         "id",
         "is_key",
-        "is_ref",
         "key",
         "payload",
-        "ref",
         "run_id",
         "seq",
         "stamp_s",
@@ -65,13 +63,10 @@ class StoredFrame:
         self.run_id = run_id
         self.stamp_s = stamp_s
         self.is_key = header.is_key
-        self.is_ref = header.is_ref and not header.is_key
-        self.id = frame_id(payload) if header.is_ref else 0
+        self.id = frame_id(payload) if header.is_key else 0
         self.seq: int = header.seq if base is None else (base.seq + header.seq) & 0xFFFFFFFF
         self.t_s: float = header.t if base is None else base.t_s + header.t / 1000
-        # the bases needed to decode it: none for a KEY, otherwise its KEY and any REF it names
-        self.key: StoredFrame | None = None if base is None else base.key or base
-        self.ref: StoredFrame | None = base if base is not None and base.is_ref else None
+        self.key = base  # the KEY needed to decode it; None if it is one
         self._packed: bytes | None = None
 
     @property
@@ -106,7 +101,6 @@ class Stream:
         self.run_id = 0  # the run of the frames here
         self.schema: Schema | None = None
         self.key: StoredFrame | None = None
-        self.ref: StoredFrame | None = None
         self.newest: StoredFrame | None = None
         self.is_live = False  # the newest frame came directly from the edge, not with a snapshot
         self.live_at: float | None = None  # when the newest such frame arrived
@@ -162,11 +156,9 @@ class Stream:
     def _place(self, payload: bytes, header: Header, run_id: int, stamp_s: float) -> FrameOutcome:
         base: StoredFrame | None = None
         if not header.is_key:
-            base = self._find_base(header.base_id) if run_id == self.run_id else None
-            if base is None:
+            base = self.key
+            if base is None or run_id != self.run_id or header.base_id != base.id:
                 return FrameOutcome.LATE if header.base_id == self._old_key_id else FrameOutcome.NO_BASE
-            if header.is_ref and not base.is_key:
-                return FrameOutcome.BAD  # a REF must not be coded against a REF
         elif self.schema is None or header.schema_id != self.schema.id:
             return FrameOutcome.NO_SCHEMA
         if self.schema is not None and self._is_too_long(payload, header):
@@ -182,9 +174,7 @@ class Stream:
             if run_id != self.run_id:
                 self.live_at = None  # belongs to the previous run
             self._old_key_id = self._get_key_id() if run_id == self.run_id else None
-            self.key, self.ref, self.run_id = held, None, run_id
-        elif held.is_ref:
-            self.ref = held
+            self.key, self.run_id = held, run_id
         self.newest = held
         self.is_live = False
         return FrameOutcome.TAKEN
@@ -192,12 +182,6 @@ class Stream:
     def _is_too_long(self, payload: bytes, header: Header) -> bool:
         assert self.schema is not None
         return len(payload) > (self.schema.key_bytes_max if header.is_key else self.schema.frame_bytes_max)
-
-    def _find_base(self, base_id: int | None) -> StoredFrame | None:
-        for base in (self.key, self.ref):
-            if base is not None and base.id == base_id:
-                return base
-        return None
 
     def _is_old(self, run_id: int, seq: int) -> bool:
         if self.newest is None or run_id != self.run_id:
@@ -214,7 +198,7 @@ class Stream:
     ) -> None:
         """Apply a snapshot. Raises ValueError and changes nothing if it is inconsistent.
 
-        Its frames can be of any age. They count as bases and as a picture, never as a sign of life.
+        Its frames can be of any age. They count as a base and as a picture, never as a sign of life.
         """
         key_header = self.check_frame(snapshot.key)
         if isinstance(key_header, FrameOutcome) or not key_header.is_key:
@@ -232,10 +216,9 @@ class Stream:
                 raise ValueError("snapshot: older than the stream's state")
         self._set_description(schema, snapshot.info, snapshot.model)
         self._place(snapshot.key, key_header, run_id, stamp_s)
-        for payload in (snapshot.ref, newest):
-            header = self.check_frame(payload) if payload is not None else None
-            if payload is not None and isinstance(header, Header):
-                self._place(payload, header, run_id, stamp_s)
+        header = self.check_frame(newest) if newest is not None else None
+        if newest is not None and isinstance(header, Header):
+            self._place(newest, header, run_id, stamp_s)
         if self._waiting is not None:
             payload, waiting_run, waiting_stamp_s, arrived, late_s = self._waiting
             self._waiting = None

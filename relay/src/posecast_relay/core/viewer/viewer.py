@@ -47,7 +47,6 @@ class Viewer(FlowControl):
         "max_hz",
         "number",
         "outlet",
-        "ref",
         "robot",
         "schema_n",
         "until",
@@ -82,11 +81,10 @@ class Viewer(FlowControl):
         self.asked_hz = self.hz  # the effective rate is lower while the process is overloaded
         self.until = now + lives_s
         self.expires_at = expires_at  # when its token expires
-        self.decoded = decoded  # gets no bases: it expects one message per frame
-        # state: what it was sent last, and which bases it holds
+        self.decoded = decoded  # gets no KEY: it expects one message per frame
+        # state: what it was sent last, and which KEY it holds
         self.frame: StoredFrame | None = None
         self.key: StoredFrame | None = None
-        self.ref: StoredFrame | None = None
         self.version = -1  # of the stream's schema, info and model
         self.schema_n = -1
 
@@ -129,15 +127,11 @@ class Viewer(FlowControl):
         self.version, self.schema_n = version, schema_n
 
     def record_frame(self, frame: StoredFrame) -> None:
-        """Note that it was sent `frame`, after any bases that it lacked."""
+        """Note that it was sent `frame`, after its KEY if it lacked that."""
         if frame.key is not None and self.key is not frame.key and not self.decoded:
-            self.sent += 1
-        if frame.ref is not None and self.ref is not frame.ref and not self.decoded:
             self.sent += 1
         self.sent += 1
         self.key = frame if frame.is_key else frame.key
-        if frame.ref is not None or frame.is_ref:
-            self.ref = frame if frame.is_ref else frame.ref
         self.frame = frame
 
     @staticmethod
@@ -152,13 +146,12 @@ class Viewer(FlowControl):
     ) -> list[tuple[Viewer, Exception]]:
         """Sort due viewers by what they need. Returns those for which this failed, with the error.
 
-        Viewers with the bases and the description of this `version` go to `ready`, and count as having been
+        Viewers with the KEY and the description of this `version` go to `ready`, and count as having been
         sent `frame`. Those that need more go to `lacking`, and those that can't take it now go to `behind`.
         It is one function because a call per viewer and frame would take too long.
         """
         failed: list[tuple[Viewer, Exception]] = []
         key = frame if frame.is_key else frame.key
-        ref, is_key = frame.ref, frame.is_key
         while True:  # restarts after each viewer for which it fails
             try:
                 for viewer in viewers:
@@ -166,9 +159,7 @@ class Viewer(FlowControl):
                         continue
                     if viewer.blocked or (now >= viewer.check_at and not viewer.may_send(now)):
                         behind.add(viewer)
-                    elif viewer.version == version and (
-                        is_key or (viewer.key is key and (ref is None or viewer.ref is ref))
-                    ):
+                    elif viewer.version == version and (key is frame or viewer.key is key):
                         ready.append(viewer)
                         viewer.sent += 1
                         viewer.frame = frame
@@ -180,7 +171,4 @@ class Viewer(FlowControl):
                 if failed and failed[-1][0] is viewer:
                     raise  # the loop itself failed, not a viewer
                 failed.append((viewer, error))
-        if frame.is_ref:
-            for viewer in ready:
-                viewer.ref = frame
         return failed

@@ -10,7 +10,7 @@ SEQS = 1 << 32  # a frame's number goes round
 
 
 class FrameChain:
-    """The newest bases, and the numbers of the frames so far. What is refused leaves it unchanged."""
+    """The newest KEY, and the numbers of the frames so far. What is refused leaves it unchanged."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -19,15 +19,14 @@ class FrameChain:
         self.last_seq = 0
         self._schema_id: int | None = None
         self._key: tuple[int, int] | None = None  # its id and seq
-        self._ref: tuple[int, int] | None = None
 
     def add_copy(self, frame: bytes) -> None:
-        """Take a copy of a base. Raises SegmentError when it may not stand here."""
+        """Take a copy of the KEY. Raises SegmentError when it may not stand here."""
         header = _parse(frame)
         if self.count:
             raise SegmentError("copy: behind a frame")
-        if self.copies == 2 or header.is_key is not (self.copies == 0) or not header.is_ref:
-            raise SegmentError("copy: want a KEY, then at most a REF")
+        if self.copies or not header.is_key:
+            raise SegmentError("copy: want one KEY")
         self._take(frame, header)
         self.copies += 1
 
@@ -42,7 +41,7 @@ class FrameChain:
         seq = self._seq(header)
         if self.count and (seq - self.last_seq - 1) % SEQS >= SEQS // 2:
             raise SegmentError(f"frame: number {seq} after {self.last_seq}")
-        if header.is_ref:
+        if header.is_key:
             self._take(frame, header)
         if not self.count:
             self.first_seq = seq
@@ -51,18 +50,13 @@ class FrameChain:
         return seq
 
     def _take(self, frame: bytes, header: Header) -> None:
-        seq = self._seq(header)
-        if header.is_key:
-            self._key, self._ref, self._schema_id = (fnv1a32(frame), seq), None, header.schema_id
-        else:
-            self._ref = (fnv1a32(frame), seq)
+        self._key, self._schema_id = (fnv1a32(frame), header.seq), header.schema_id
 
     def _seq(self, header: Header) -> int:
         if header.is_key:
             return header.seq
-        for base in (self._key, None if header.is_ref else self._ref):
-            if base is not None and base[0] == header.base_id:
-                return (base[1] + header.seq) % SEQS
+        if self._key is not None and self._key[0] == header.base_id:
+            return (self._key[1] + header.seq) % SEQS
         raise SegmentError(f"frame: its base {header.base_id:08x} is not here")
 
 

@@ -71,7 +71,7 @@ class FrameRecord(NamedTuple):
 
 
 class CopyRecord(NamedTuple):
-    """A KEY or REF of before the segment, which frames here name as their base. `at_us`: µs since the
+    """A KEY of before the segment, which frames here name as their base. `at_us`: µs since the
     segment's `from_ms`; says nothing of when it was accepted."""
 
     at_us: int

@@ -29,11 +29,10 @@ class SegmentWriter:
     """Collects one segment. Each `append_…` costs microseconds and raises SegmentError, with nothing changed,
     for what the segment can't hold. `at_us`: µs since `start.from_ms`, never less than before.
 
-    `key`, `ref`: the current KEY and the newest REF since it, as far as there are any: copied into the
-    segment if its first frame is no KEY.
+    `key`: the current KEY, if there is one: copied into the segment if its first frame is no KEY.
     """
 
-    def __init__(self, start: SegmentStart, key: bytes | None = None, ref: bytes | None = None) -> None:
+    def __init__(self, start: SegmentStart, key: bytes | None = None) -> None:
         """Raises SegmentError when `start` can't be written."""
         self.start = start
         self.at_us = 0  # of the newest record
@@ -41,7 +40,7 @@ class SegmentWriter:
         self._head = _pack_start_before(start)
         self._tail = _pack_start_behind(start)
         self._chain = FrameChain()
-        self._bases = [frame for frame in (key, ref) if frame is not None]
+        self._key = key
         self._records = bytearray()
         self._crc = 0
 
@@ -68,19 +67,18 @@ class SegmentWriter:
         self.start = start
 
     def has_room(self, payload_bytes: int) -> bool:
-        """Whether a record with so many bytes of content fits, with the copies that it may need."""
-        copied = 0 if self._chain.count else sum(len(base) + RECORD_HEADER_BYTES_MAX for base in self._bases)
+        """Whether a record with so many bytes of content fits, with the copy that it may need."""
+        copied = 0 if self._chain.count or self._key is None else len(self._key) + RECORD_HEADER_BYTES_MAX
         added = payload_bytes + copied + RECORD_HEADER_BYTES_MAX + 8  # a frame's lateness
         return len(self._records) + added <= of.RECORDS_BYTES_MAX
 
     def append_frame(self, frame: bytes, at_us: int, late_us: int) -> int:
         """Append a frame and return its number. `late_us`: its lateness, µs."""
         chain, parts = self._chain, [(of.FRAME, pack_varint(late_us, "lateness") + frame)]
-        if not chain.count and not chain.copies and frame[:1] != KEY_START:
+        if self._key is not None and not chain.count and not chain.copies and frame[:1] != KEY_START:
             chain = FrameChain()
-            for base in self._bases:
-                chain.add_copy(base)
-            parts = [(of.COPY, base) for base in self._bases] + parts
+            chain.add_copy(self._key)
+            parts = [(of.COPY, self._key), *parts]
         packed = self._pack(at_us, parts)
         seq = chain.add_frame(frame)
         self._chain = chain
@@ -88,7 +86,7 @@ class SegmentWriter:
         return seq
 
     def append_copy(self, frame: bytes, at_us: int) -> None:
-        """Append a copy of a base itself: for writing a segment again that has been read."""
+        """Append a copy of the KEY itself: for writing a segment again that has been read."""
         packed = self._pack(at_us, [(of.COPY, frame)])
         self._chain.add_copy(frame)
         self._append(at_us, packed, 1)
