@@ -21,8 +21,7 @@ from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.past import list_lookers
-from posecast_relay.core.policy.policy import Policy
+from posecast_relay.core.policy import Policy, list_lookers
 from posecast_wire import Encoder, Quantiser, Schema, Snapshot, Stamp
 
 from wire.python.benches.bytes_per_frame import SETS, SHARED, rows

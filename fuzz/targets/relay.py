@@ -10,11 +10,11 @@ import json
 from posecast_relay.auth.addresses import find_real_address, may_show, parse_networks
 from posecast_relay.config.robots_file import read_robots
 from posecast_relay.config.robots_reader import RobotsError
-from posecast_relay.core.edge_messages import read_edge_message
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.messages import read_edge_message
 from posecast_relay.core.past.segment_record import pack_record, unpack_record
-from posecast_relay.core.policy.share_link import make_link, read_link
-from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.policy import make_link, read_link
+from posecast_relay.core.stream import Stream
 from posecast_relay.http.past.address import (
     EVERY_STEPS,
     AddressError,

@@ -22,10 +22,9 @@ from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.past import list_lookers
-from posecast_relay.core.policy.policy import Policy
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.room import Room
+from posecast_relay.core.policy import Policy, list_lookers
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import Room
 from posecast_wire import Snapshot, Stamp
 
 HZ = 30

@@ -22,9 +22,9 @@ from pathlib import Path
 
 import uvicorn
 from posecast_relay.auth.access import Access
+from posecast_relay.core import messages
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.viewer import messages
 from posecast_relay.net.decode_cache import DecodeCache
 from posecast_relay.net.sse import make_http_protocol
 from posecast_relay.net.websocket import LiveSocket

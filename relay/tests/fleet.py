@@ -14,12 +14,12 @@ from itertools import count
 from typing import Any
 from unittest.mock import patch
 
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.policy import PUBLIC
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.http.robots import make_robot_summary
 from posecast_relay.redis import gateway as redis_gateway
 from posecast_relay.redis import store as redis_store

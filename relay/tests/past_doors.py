@@ -14,14 +14,12 @@ import httpx
 import uvicorn
 from posecast_relay.auth.access import open_access
 from posecast_relay.auth.tokens import Tokens
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.past import list_lookers
-from posecast_relay.core.policy.policy import Audience, Policy, Principal, Rule
-from posecast_relay.core.policy.share_link import make_link
+from posecast_relay.core.policy import Audience, Policy, Principal, Rule, list_lookers, make_link
 from posecast_relay.http.app import make_app
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.models.cache import ModelCache

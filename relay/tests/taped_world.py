@@ -11,7 +11,7 @@ from typing import NamedTuple
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.policy import Audience, Policy
+from posecast_relay.core.policy import Audience, Policy
 from posecast_wire import Decoder, Frame, Schema
 from posecast_wire.segment import (
     CopyRecord,

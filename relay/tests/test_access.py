@@ -8,12 +8,11 @@ import itertools
 import pytest
 from posecast_relay.auth import access
 from posecast_relay.auth.access import open_access
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.admission import Applicant, Refusal
-from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Rule
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.policy import ANYONE, Applicant, Audience, Grant, Policy, Refusal, Rule
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.runtime.dispatcher import MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
 

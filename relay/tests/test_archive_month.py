@@ -15,7 +15,7 @@ from posecast_relay.archive.page_index import make_segment_record
 from posecast_relay.core.past.day_index import DayIndex, PageDigest, digest_page, pack_day
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import TakeSpan
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy import Audience, Rule
 from posecast_relay.http.past.address import write_day, write_minute
 from posecast_wire.segment import EventRecord, Record, Segment, decode_segment, encode_segment
 

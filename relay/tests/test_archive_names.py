@@ -16,7 +16,7 @@ from posecast_relay.archive.names import (
     read_segment_key,
 )
 from posecast_relay.core.past.kept_segment import SegmentName
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 
 from .past_doors import DAY, PAGE_MS, make_kept
 

@@ -11,7 +11,7 @@ import pytest
 from posecast_relay.archive.joined_past import JoinedPast
 from posecast_relay.archive.names import DAY_MS, PAGE_MS
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy import Audience, Rule
 from posecast_relay.http.past import routes
 from posecast_relay.past_source_memory import MemoryPastSource
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from posecast_relay.auth import tokens
 from posecast_relay.auth.tokens import Tokens, Unverifiable
-from posecast_relay.core.policy.policy import Audience, Principal
+from posecast_relay.core.policy import Audience, Principal
 from posecast_relay.mirror.firebase import ServiceAccount
 from posecast_relay.runtime.tasks import BlockingCalls
 from posecast_testing import until_async

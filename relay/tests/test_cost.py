@@ -18,10 +18,10 @@ import pytest
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import find_real_address, may_show, parse_networks
 from posecast_relay.config.robots_file import read_robots
+from posecast_relay.core import messages
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.share_link import read_link
-from posecast_relay.core.viewer import messages
+from posecast_relay.core.policy import read_link
 from posecast_relay.kit import json_bytes
 from posecast_relay.logging import visible
 from posecast_relay.models.manifest import read_manifest

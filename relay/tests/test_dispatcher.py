@@ -9,12 +9,12 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
+from posecast_relay.core import messages
 from posecast_relay.core.actions import Fault, RequestSnapshot, Send, SubscribeRobot, VerifyToken
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.runtime import dispatcher as dispatcher_module
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, NoSource
 from posecast_relay.runtime.fan_out import SLICE, FanOut, IoUring

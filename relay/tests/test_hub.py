@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 from posecast_relay.core.actions import Action
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.state.room import Room
+from posecast_relay.core.room import Room
 from posecast_wire import Close
 
 from .sim import UNIX_S, Edge, World, schema

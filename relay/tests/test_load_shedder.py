@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from posecast_relay.core.load_shedder import NO_CEILING, LoadShedder
+from posecast_relay.core.load import NO_CEILING, LoadShedder
 from posecast_wire import Close
 
 from .sim import Edge, World

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import pytest
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.policy.share_link import make_link
+from posecast_relay.core.policy import make_link
 from posecast_relay.past_command.main import run_past
 from posecast_relay.recording import http_source
 from posecast_testing import free_port, until

@@ -11,7 +11,7 @@ import pytest
 from posecast_relay.config.settings import parse
 from posecast_relay.core.past.deletions import Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.policy import Audience, Policy, Rule
+from posecast_relay.core.policy import Audience, Policy, Rule
 from posecast_relay.deletion_record import make_deletion
 from posecast_relay.server.past import CROWD_EVERY_S, ObedientMemory, PastLog, describe_past
 

@@ -8,7 +8,7 @@ import tracemalloc
 import pytest
 from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 
 SCHEMA = "{}"
 SCHEMA_HASH = hashlib.sha256(SCHEMA.encode()).digest()

@@ -5,16 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import pytest
-from posecast_relay.core.policy.admission import Applicant, admit
-from posecast_relay.core.policy.past import (
+from posecast_relay.core.policy import (
+    PAST_S,
+    Applicant,
+    Audience,
+    Grant,
     PastWindow,
+    Policy,
+    Principal,
+    Rule,
+    admit,
     compute_kept_longest_s,
     compute_kept_s,
     find_past_window,
     judge_past,
     list_lookers,
 )
-from posecast_relay.core.policy.policy import PAST_S, Audience, Grant, Policy, Principal, Rule
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK
 NOBODY, SOMEBODY, GUEST = Principal(), Principal(S), Principal(L, "r")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.past_reader import NotYet, PastReader
-from posecast_relay.core.policy.policy import Audience, Grant, Policy, Principal, Rule
-from posecast_relay.core.policy.unseen import Unseen
+from posecast_relay.core.past.unseen import Unseen
+from posecast_relay.core.policy import Audience, Grant, Policy, Principal, Rule
 
 from .past_doors import PAGE_MS, SCHEMA_HASH, make_kept
 

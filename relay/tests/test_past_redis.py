@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent
 from posecast_relay.core.past.segment_record import pack_record
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy import Audience, Rule
 from posecast_relay.http.past import key_pages, routes
 from posecast_relay.redis import past_reader, past_writer
 from posecast_relay.redis.client import TIMEOUT_S

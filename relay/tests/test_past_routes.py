@@ -13,8 +13,7 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.policy.admission import HIDDEN
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy import HIDDEN, Audience, Rule
 from posecast_relay.http.past import documents, key_pages, routes
 from posecast_relay.net.answer_cache import AnswerCache
 from posecast_wire.key_page import decode_key_page, encode_key_page

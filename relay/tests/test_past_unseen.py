@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from posecast_relay.core.policy import unseen
-from posecast_relay.core.policy.policy import Audience, Grant, Policy, Principal, Rule
-from posecast_relay.core.policy.unseen import Unseen
+from posecast_relay.core.past import unseen
+from posecast_relay.core.past.unseen import Unseen
+from posecast_relay.core.policy import Audience, Grant, Policy, Principal, Rule
 
 A, S = Audience.ANYONE, Audience.SIGNED_IN
 LATE = Rule(delay_s=10.0, past_s=600.0)

@@ -8,9 +8,8 @@ from typing import Any
 
 import httpx
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.admission import FULL, ROBOT_FULL
-from posecast_relay.core.policy.policy import ANYONE, Audience, Grant
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.policy import ANYONE, FULL, ROBOT_FULL, Audience, Grant
+from posecast_relay.core.viewer import Viewer
 from posecast_testing import until
 from posecast_wire import Close
 

@@ -15,7 +15,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy import Audience, Rule
 from posecast_relay.http.past import documents
 from posecast_relay.recording import http_source
 from posecast_relay.recording.collector import Collector

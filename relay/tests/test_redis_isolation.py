@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.replica_feed import ReplicaFeed
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.replica import ReplicaFeed
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.stream import Stream
 from posecast_relay.redis import store as redis_store
 from posecast_relay.redis.directory import RedisDirectory
 from posecast_relay.redis.gateway import RedisGateway, RedisSubscriber

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from posecast_relay.core.actions import Send
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.viewer import Viewer
 from posecast_testing import count_examples
 
 from .sim import Edge, Screen, World, schema

@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from posecast_relay.core.viewer import messages
+from posecast_relay.core import messages
 from posecast_relay.net.decode_cache import DecodeCache
 from posecast_relay.net.encodings import EventStreamEncoding, JsonEncoding
 from posecast_testing import free_port, until

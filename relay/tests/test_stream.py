@@ -6,7 +6,7 @@ import json
 
 import pytest
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.stream import Stream
 from posecast_wire import Snapshot
 
 from .sim import Edge, World, schema

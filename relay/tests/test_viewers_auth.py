@@ -25,11 +25,10 @@ from firebase_admin import auth
 from posecast_relay.auth.access import open_access
 from posecast_relay.auth.firebase import Firebase
 from posecast_relay.auth.tokens import PATIENCE_S, Tokens, Unverifiable
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.policy import Audience, Policy, Principal, Rule
-from posecast_relay.core.policy.share_link import make_link
+from posecast_relay.core.policy import Audience, Policy, Principal, Rule, make_link
 from posecast_relay.http.app import make_app
 from posecast_relay.models.cache import ModelCache
 from posecast_relay.net.decode_cache import DecodeCache

@@ -15,10 +15,10 @@ from itertools import count
 
 from posecast_relay.cli import main
 from posecast_relay.core.actions import Action
-from posecast_relay.core.state.room import RateGroup, Room
-from posecast_relay.core.state.runs import Runs
-from posecast_relay.core.state.stream import FrameOutcome, StoredFrame, Stream
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.robot import Runs
+from posecast_relay.core.room import RateGroup, Room
+from posecast_relay.core.stream import FrameOutcome, StoredFrame, Stream
+from posecast_relay.core.viewer import Viewer
 from posecast_wire import parse_header
 from posecast_wire.frame import TAG_PLAIN, Header
 

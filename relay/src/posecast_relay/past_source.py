@@ -13,7 +13,7 @@ from posecast_relay.core.past.day_index import DayIndex
 from posecast_relay.core.past.day_reach import DayReach
 from posecast_relay.core.past.kept_past import KeptPast
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 
 ListWaiting = Callable[[], Iterable[tuple[str, str]]]
 Wake = Callable[[str, str], None]

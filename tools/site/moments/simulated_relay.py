@@ -19,7 +19,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.policy import PUBLIC, Audience, Policy
+from posecast_relay.core.policy import PUBLIC, Audience, Policy
 from posecast_relay.recording.source import ListedSegment, SourceSpan
 from posecast_wire.keys import Stamp
 

@@ -15,7 +15,7 @@ from posecast_relay.core.past.day_reach import DayReach
 from posecast_relay.core.past.kept_past import KeptPast
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 from posecast_relay.past_source import ListWaiting, PastAway, PastSource, ReachedPast, Wake
 
 UNBOUNDED = 1 << 62  # merges only ten minutes of two bounded sources

@@ -13,15 +13,26 @@ from posecast_wire import Close
 
 from posecast_relay.auth.addresses import Addresses, may_show
 from posecast_relay.auth.tokens import Tokens, Unverifiable
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.policy.admission import REFUSALS, Applicant, Refusal, admit
-from posecast_relay.core.policy.lane import CAPPED, NO_PAST, explain_no_lane
-from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.room import Room
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.policy import (
+    ANYONE,
+    CAPPED,
+    NO_PAST,
+    REFUSALS,
+    Applicant,
+    Audience,
+    Grant,
+    Policy,
+    Principal,
+    Refusal,
+    admit,
+    explain_no_lane,
+)
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import Room
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, RobotSource, StateStore
 from posecast_relay.runtime.fan_out import FanOut
 

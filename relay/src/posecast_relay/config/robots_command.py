@@ -24,7 +24,7 @@ from posecast_relay.config.robots_changes import RobotsDocument, expire_in_days
 from posecast_relay.config.robots_file import BYTES_MAX, lock_folder, read_robots, read_text, replace_text
 from posecast_relay.config.robots_reader import RobotEntry, Robots, RobotsError, describe_rule, parse_robots
 from posecast_relay.config.settings import MEMORY, SettingsError
-from posecast_relay.core.policy.policy import PUBLIC, Audience, Rule
+from posecast_relay.core.policy import PUBLIC, Audience, Rule
 
 HELP = (
     "Decide who can publish and who can watch, and make share links. A running relay applies changes "

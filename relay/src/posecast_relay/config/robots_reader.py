@@ -29,7 +29,7 @@ from posecast_wire.credential import SECRET
 from posecast_wire.toml_lines import find_line, index_lines
 
 from posecast_relay.auth.addresses import ORIGIN, Network, parse_networks
-from posecast_relay.core.policy.policy import DELAY_MAX_S, FULL_HZ, PUBLIC, Audience, Policy, Rule
+from posecast_relay.core.policy import DELAY_MAX_S, FULL_HZ, PUBLIC, Audience, Policy, Rule
 
 AUDIENCES = tuple(str(audience.value) for audience in Audience)
 ROBOT_FIELDS = ("secret", "expires", "link_key", "keep", *AUDIENCES, "next_secret")

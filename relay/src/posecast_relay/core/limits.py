@@ -16,7 +16,7 @@ class Limits:
     robots: int = 1000  # publishers; frames of any more are dropped and counted
     views: int = 8  # per robot; likewise
     # A robot's share of the relay; beyond it, its own oldest messages are dropped and its status says so
-    # (`share.py`).
+    # (`Share` in `robot.py`).
     view_frames_per_s: float = 120.0
     robot_messages_per_s: float = 600.0  # frames, events and questions together
     robot_bytes_per_s: float = 1e6  # a byte that is hashed counts twice

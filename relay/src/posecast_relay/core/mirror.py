@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 from posecast_wire.messages import RobotStatus
 
-from posecast_relay.core.state.stream import StoredFrame, Stream
+from posecast_relay.core.stream import StoredFrame, Stream
 
 HZ = 2.0  # a free database plan allows more, but each reader pays for every byte
 STATUS_S = 0.9  # so that at least one write per second shows that the relay is running

@@ -14,9 +14,8 @@ from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.policy.admission import HIDDEN
-from posecast_relay.core.policy.policy import ANYONE, Grant
-from posecast_relay.core.viewer.messages import describe_pong
+from posecast_relay.core.messages import describe_pong
+from posecast_relay.core.policy import ANYONE, HIDDEN, Grant
 from posecast_relay.http.admin.routes import AdminSources, add_admin_routes
 from posecast_relay.http.answers import (
     ErrorAnswer,

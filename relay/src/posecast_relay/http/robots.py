@@ -12,11 +12,10 @@ from weakref import WeakKeyDictionary
 from posecast_wire import MISSING, Frame
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.policy.admission import Applicant, Refusal
-from posecast_relay.core.policy.policy import ANYONE, PUBLIC, Grant, Principal
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.room import Room
-from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.policy import ANYONE, PUBLIC, Applicant, Grant, Principal, Refusal
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import Room
+from posecast_relay.core.stream import Stream
 from posecast_relay.kit import json_bytes
 from posecast_relay.net.decode_cache import DecodeCache, list_field_values
 

@@ -23,8 +23,7 @@ from google.auth.credentials import Credentials
 
 from posecast_relay.auth.access import Access
 from posecast_relay.core.mirror import HZ, Mirror, NodeChange, VisibleRobot
-from posecast_relay.core.policy.admission import Applicant
-from posecast_relay.core.policy.policy import ANYONE, Grant
+from posecast_relay.core.policy import ANYONE, Applicant, Grant
 from posecast_relay.kit import Breaker
 from posecast_relay.runtime.tasks import BlockingCalls
 

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 from posecast_wire import MISSING, DecodedFrame, Decoder, Field, Frame, FrameError, Schema
 
-from posecast_relay.core.state.stream import StoredFrame, Stream
+from posecast_relay.core.stream import StoredFrame, Stream
 from posecast_relay.kit import Turns, json_bytes
 
 # Decoding takes a microsecond per channel, on the event loop that also serves all viewers.

@@ -12,9 +12,9 @@ import re
 from collections.abc import Callable
 from typing import Protocol
 
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.viewer import Outlet
+from posecast_relay.core import messages
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Outlet
 from posecast_relay.net.decode_cache import DecodeCache
 
 # Converts the core's WebSocket messages to other formats: JSON and server-sent events.

@@ -15,8 +15,7 @@ from posecast_wire import Close, check_name, clamp_hz
 
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import is_loopback
-from posecast_relay.core.policy.admission import Applicant, Refusal
-from posecast_relay.core.policy.policy import ANYONE, Grant, Principal
+from posecast_relay.core.policy import ANYONE, Applicant, Grant, Principal, Refusal
 
 STREAM_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live(\.sse)?")
 DEFAULT_HZ = "30"

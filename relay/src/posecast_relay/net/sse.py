@@ -20,10 +20,9 @@ from typing import Any, ClassVar, cast
 from posecast_wire import Close, Retry, retry_of
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.policy.admission import DRAIN_RETRY_S, GOING, Applicant, Refusal
-from posecast_relay.core.policy.policy import ANYONE, Grant
-from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core import messages
+from posecast_relay.core.policy import ANYONE, DRAIN_RETRY_S, GOING, Applicant, Grant, Refusal
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.net.decode_cache import DecodeCache
 from posecast_relay.net.encodings import Encoding, EventStreamEncoding, JsonEncoding
 from posecast_relay.net.http1 import HttpConnection, PendingRequests

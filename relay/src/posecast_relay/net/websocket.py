@@ -23,10 +23,9 @@ from websockets.protocol import CONNECTING, OPEN
 from websockets.server import ServerProtocol
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.policy.admission import DRAIN_RETRY_S, GOING, REFUSALS, Applicant, Refusal
-from posecast_relay.core.policy.policy import ANYONE
-from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core import messages
+from posecast_relay.core.policy import ANYONE, DRAIN_RETRY_S, GOING, REFUSALS, Applicant, Refusal
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.net.decode_cache import DecodeCache
 from posecast_relay.net.encodings import Encoding, JsonEncoding, JsonOutlet
 from posecast_relay.net.request import BadRequest, StreamRequest, join_all, read_bearer, read_target

@@ -21,7 +21,7 @@ from posecast_wire.recording.reader import CONTROLS
 
 from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.config.settings import SettingsError, find_page
-from posecast_relay.core.policy.policy import PUBLIC, Audience
+from posecast_relay.core.policy import PUBLIC, Audience
 from posecast_relay.export.csv_file import TooManyColumnsError
 from posecast_relay.export.held_time import GAP_MS, HeldTime
 from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError

@@ -16,10 +16,9 @@ from typing import Any
 
 from posecast_relay.core.actions import Action, Fault
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.replica_feed import ReplicaFeed
-from posecast_relay.core.replica_messages import Presence, StreamState
-from posecast_relay.core.state.stream import FrameOutcome, Stream
+from posecast_relay.core.policy import PUBLIC
+from posecast_relay.core.replica import Presence, ReplicaFeed, StreamState
+from posecast_relay.core.stream import FrameOutcome, Stream
 from posecast_relay.kit import Histogram
 from posecast_relay.redis.client import (
     REDIS_ERRORS,
@@ -36,7 +35,6 @@ from posecast_relay.redis.messages import unpack, unpack_state
 from posecast_relay.runtime.dispatcher import Dispatcher
 
 log = logging.getLogger("posecast_relay")
-
 
 BEAT_S = 1.0  # between two signs of life
 RETRY_S = 0.2  # while Redis is away

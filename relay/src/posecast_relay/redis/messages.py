@@ -14,7 +14,7 @@ from typing import Any
 from posecast_wire import Snapshot, check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.core.replica_messages import Presence, StreamState, StreamUpdate
+from posecast_relay.core.replica import Presence, StreamState, StreamUpdate
 
 UPDATE, STANDING = b"U", b"S"
 HEADER_END = b"\n"

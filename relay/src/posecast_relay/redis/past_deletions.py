@@ -19,7 +19,6 @@ from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks
 
 log = logging.getLogger("posecast_relay")
 
-
 # Tells every process that shares a Redis what was deleted of the past, and hears it from them.
 #
 #     posecast:{-}:past-deleted   stream: a deletion each, as `deletion_record.py` packs it

@@ -44,7 +44,6 @@ from posecast_relay.redis.past_scripts import (
 
 log = logging.getLogger("posecast_relay")
 
-
 QUEUE_BYTES = 32 << 20
 BATCH = 64  # segments per exchange
 BATCH_BYTES = 1 << 20  # bytes per exchange, except for a single segment

@@ -16,8 +16,8 @@ from itertools import count
 from typing import Any, NamedTuple, TypeVar
 
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.stream import FrameOutcome, Stream
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.stream import FrameOutcome, Stream
 from posecast_relay.kit import Histogram
 from posecast_relay.redis.client import (
     REDIS_ERRORS,

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from posecast_relay.core.replica_messages import Presence, StreamUpdate
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.stream import StoredFrame, Stream
+from posecast_relay.core.replica import Presence, StreamUpdate
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.stream import StoredFrame, Stream
 from posecast_relay.redis.messages import dump
 
 Value = bytes | str | int

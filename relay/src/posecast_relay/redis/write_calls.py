@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from posecast_relay.core.replica_messages import Presence
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.runs import RETURN_AFTER_S
-from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.replica import Presence
+from posecast_relay.core.robot import RETURN_AFTER_S, Robot
+from posecast_relay.core.stream import Stream
 from posecast_relay.redis.client import (
     Call,
     channel,

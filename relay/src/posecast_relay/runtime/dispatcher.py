@@ -30,10 +30,10 @@ from posecast_relay.core.actions import (
     VerifyToken,
 )
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.load_shedder import NO_CEILING
-from posecast_relay.core.policy.admission import FULL
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.load import NO_CEILING
+from posecast_relay.core.policy import FULL
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.kit import Histogram
 from posecast_relay.runtime.fan_out import SLICE, FanOut
 

@@ -21,7 +21,7 @@ import sys
 from array import array
 from collections.abc import Sequence
 
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.viewer import Viewer
 
 BATCH = 512  # sends in one call; a power of two
 SYS_SETUP, SYS_ENTER = 425, 426  # the same on every architecture that Python runs on

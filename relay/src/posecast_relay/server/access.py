@@ -19,7 +19,7 @@ from posecast_relay.auth.tokens import Accounts, Tokens
 from posecast_relay.config.robots_file import RobotsWatcher, read_robots
 from posecast_relay.config.robots_reader import Robots, RobotsError
 from posecast_relay.config.settings import Settings, StartError
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.runtime.dispatcher import RobotSource, StateStore

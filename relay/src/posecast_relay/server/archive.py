@@ -25,7 +25,7 @@ from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.config.store_url import StoreUrlError
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.policy import Policy
+from posecast_relay.core.policy import Policy
 from posecast_relay.http.metrics import ArchiveFigures
 from posecast_relay.kit import write_count
 from posecast_relay.models.cache import ModelCache, ModelSource

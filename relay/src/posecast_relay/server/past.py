@@ -25,14 +25,16 @@ from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.past import (
+from posecast_relay.core.policy import (
+    Audience,
+    Policy,
+    Rule,
     compute_kept_longest_s,
     compute_kept_s,
     compute_recent_s,
     list_idle_keeps,
     list_lookers,
 )
-from posecast_relay.core.policy.policy import Audience, Policy, Rule
 from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.kit import write_count
 from posecast_relay.models.cache import ModelCache, ModelSource

@@ -25,9 +25,8 @@ from posecast_relay.auth.access import Access
 from posecast_relay.config.robots_file import RobotsWatcher
 from posecast_relay.config.robots_reader import Robots
 from posecast_relay.config.settings import Settings, StartError, find_page
-from posecast_relay.core.delayed_hub import DelayedHub
-from posecast_relay.core.hub import Hub
-from posecast_relay.core.roster import Headcount
+from posecast_relay.core.delayed import DelayedHub
+from posecast_relay.core.hub import Headcount, Hub
 from posecast_relay.http.admin.routes import AdminSources
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import RelayCollector, start_metrics

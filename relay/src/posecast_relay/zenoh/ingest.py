@@ -20,7 +20,7 @@ import zenoh
 from posecast_wire import Echo, Snapshot, Stamp, check_name
 from posecast_wire.keys import PREFIX, STAMP, snapshot_key
 
-from posecast_relay.core.state.stream import FrameOutcome
+from posecast_relay.core.stream import FrameOutcome
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.zenoh.router import RouterSession
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 
 LETTERS = {Audience.ANYONE: "a", Audience.LINK: "l", Audience.SIGNED_IN: "s"}
 NOBODY = "x"

@@ -19,7 +19,7 @@ from posecast_relay.core.past.audience_letters import read_letters, write_letter
 from posecast_relay.core.past.kept_segment import KeptSegment, PastWord
 from posecast_relay.core.past.memory_store import PAGE_MS, TakeSpan
 from posecast_relay.core.past.segment_record import dump_json
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from posecast_relay.core.past.audience_letters import write_letters
 from posecast_relay.core.past.day_index import DayIndex
 from posecast_relay.core.past.memory_store import TakeSpan
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 
 REACH_BYTES, SPAN_BYTES = 600, 250  # overhead of Python objects
 

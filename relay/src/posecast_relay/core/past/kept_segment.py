@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from posecast_wire.messages import RobotStatus
 
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 
 OBJECT_BYTES = 1000  # Python's overhead for one segment, its name and its index entry
 

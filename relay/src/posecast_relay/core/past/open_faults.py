@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from posecast_wire.segment.records import OPEN_FAULTS_MAX
 
-from posecast_relay.core.state.stream import Event
+from posecast_relay.core.stream import Event
 
 
 class OpenFaults:

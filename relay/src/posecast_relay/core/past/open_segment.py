@@ -9,8 +9,8 @@ from posecast_wire.messages import COUNT_MAX, RobotStatus
 from posecast_wire.segment import SegmentStart, SegmentWriter
 
 from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
-from posecast_relay.core.policy.policy import Audience
-from posecast_relay.core.state.stream import SEQS, StoredFrame
+from posecast_relay.core.policy import Audience
+from posecast_relay.core.stream import SEQS, StoredFrame
 
 KEY_US = 1_000_000  # the first KEY after this time ends the segment
 LENGTH_S = 6.0  # it ends after this time in any case

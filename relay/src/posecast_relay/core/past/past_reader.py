@@ -10,9 +10,8 @@ from typing import NamedTuple
 from posecast_relay.core.past.kept_past import KeptPast
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.memory_store import TakeSpan
-from posecast_relay.core.policy.past import PastWindow, Recorded, find_past_window, judge_past
-from posecast_relay.core.policy.policy import Grant
-from posecast_relay.core.policy.unseen import Unseen
+from posecast_relay.core.past.unseen import Unseen
+from posecast_relay.core.policy import Grant, PastWindow, Recorded, find_past_window, judge_past
 
 
 class NotYet(NamedTuple):

@@ -10,10 +10,10 @@ from collections import Counter
 from collections.abc import Callable
 
 from posecast_relay.core.past.stream_recording import RecordingPorts, StreamRecording
-from posecast_relay.core.policy.policy import Audience, Policy
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.room import Room
-from posecast_relay.core.state.stream import Event
+from posecast_relay.core.policy import Audience, Policy
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import Room
+from posecast_relay.core.stream import Event
 from posecast_relay.kit import TimerQueue
 
 FAULTS_MAX = 16  # waiting to be reported; any more are only counted

@@ -15,7 +15,7 @@ from posecast_wire.checked import loads
 from posecast_wire.messages import RobotStatus
 
 from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 
 VERSION = 1
 RECORD_BYTES_MAX = 1 << 22  # a segment holds at most 1 MB of events; escaping can make them longer

@@ -13,9 +13,9 @@ from posecast_wire.segment import SegmentStart
 from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.core.past.open_faults import OpenFaults
 from posecast_relay.core.past.open_segment import OpenSegment
-from posecast_relay.core.policy.policy import Audience
-from posecast_relay.core.state.room import Room
-from posecast_relay.core.state.stream import Event, StoredFrame
+from posecast_relay.core.policy import Audience
+from posecast_relay.core.room import Room
+from posecast_relay.core.stream import Event, StoredFrame
 from posecast_relay.kit import NEVER
 
 STEP_US = 1_000_000  # how far the wall clock may drift from the monotonic clock within a take

@@ -22,8 +22,8 @@ from posecast_relay.config.robots_changes import RobotsDocument
 from posecast_relay.config.robots_file import lock_folder, read_text, replace_text
 from posecast_relay.config.robots_reader import AdminEntry, RobotEntry, Robots, RobotsError, describe_rule
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.policy.policy import Audience
-from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.policy import Audience
+from posecast_relay.core.robot import Robot
 from posecast_relay.http.metrics import ArchiveStats
 from posecast_relay.net.request import is_on_this_machine, join_all, read_bearer
 from posecast_relay.runtime.tasks import BlockingCalls

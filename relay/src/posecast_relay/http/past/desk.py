@@ -15,9 +15,8 @@ from posecast_relay.core.past.day_reach import DayReach
 from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.past_reader import NotYet, PastReader
-from posecast_relay.core.policy.past import find_past_window
-from posecast_relay.core.policy.policy import Grant, Policy
-from posecast_relay.core.policy.unseen import Unseen
+from posecast_relay.core.past.unseen import Unseen
+from posecast_relay.core.policy import Grant, Policy, find_past_window
 from posecast_relay.http.past.address import DAY_MS, PAGE_MS, PastSpan
 from posecast_relay.http.past.extent import PastExtent
 from posecast_relay.http.past.held_requests import HeldRequests

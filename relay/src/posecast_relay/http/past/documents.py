@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 from posecast_relay.core.past.day_index import MinuteRow
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.policy.policy import Grant
+from posecast_relay.core.policy import Grant
 from posecast_relay.http.past.address import PastSpan, write_day, write_minute
 from posecast_relay.http.past.extent import PastExtent
 from posecast_relay.kit import json_bytes

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from posecast_wire.key_page import KeyPose, encode_key_page, pick_pose
 
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.policy.policy import Grant
+from posecast_relay.core.policy import Grant
 
 POSES_BYTES = 4 << 20  # cached poses: picking one takes a tenth of a millisecond
 POSE_BYTES = 500  # Python's overhead for each

@@ -18,9 +18,7 @@ from fastapi import FastAPI, HTTPException, Request, Response
 from posecast_relay.auth.access import Access
 from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.past.past_reader import NotYet
-from posecast_relay.core.policy.admission import HIDDEN
-from posecast_relay.core.policy.past import find_past_window
-from posecast_relay.core.policy.policy import Grant
+from posecast_relay.core.policy import HIDDEN, Grant, find_past_window
 from posecast_relay.http.past import documents
 from posecast_relay.http.past.address import (
     AddressError,

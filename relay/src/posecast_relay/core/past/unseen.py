@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from posecast_relay.core.policy.past import Recorded, shows_all
-from posecast_relay.core.policy.policy import Audience, Grant, Policy, Rule
+from posecast_relay.core.policy import Audience, Grant, Policy, Recorded, Rule, shows_all
 
 SPANS_MAX = 100  # per audience of a view; beyond that the two oldest merge, with the gap between them
 

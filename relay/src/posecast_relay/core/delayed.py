@@ -15,11 +15,10 @@ from functools import partial
 from posecast_wire import Schema, Snapshot, Stamp
 
 from posecast_relay.core.actions import Action
-from posecast_relay.core.hub import Hub
+from posecast_relay.core.hub import Headcount, Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.replica_feed import ReplicaFeed, adopt_run
-from posecast_relay.core.roster import Headcount
-from posecast_relay.core.state.stream import Event, StoredFrame, Stream
+from posecast_relay.core.replica import ReplicaFeed, adopt_run
+from posecast_relay.core.stream import Event, StoredFrame, Stream
 from posecast_relay.kit import NEVER
 
 ENTRIES_MAX = 4000  # one minute at 60 Hz, with its events

@@ -11,13 +11,49 @@ from collections.abc import Iterable
 from posecast_wire import Close
 from posecast_wire.messages import RobotStatus
 
+from posecast_relay.core import messages
 from posecast_relay.core.actions import Action, CloseConnection, Fault, Send
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.state.stream import Event, StoredFrame, Stream
-from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.cadence import RateTimer
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.stream import Event, StoredFrame, Stream
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.kit import NEVER
+
+WHOLE = 0.05  # a ratio of rates this close to a whole number, relatively, counts as whole
+BURST = 0.5  # frames that were delayed and arrive together go out at least this part of a period apart
+
+
+class RateTimer:
+    """Decides which frames of one stream are due at one rate.
+
+    The edge's clock (the stamp on each frame) decides, not the arrival time. So network jitter does not turn
+    every third frame into every second or fourth. If the source's rate is close to a whole multiple of the
+    viewer's, exactly every n-th frame is due. Otherwise due times advance by the period, so the mean rate is
+    right.
+    """
+
+    def __init__(self, hz: float) -> None:
+        self.period_s = 1.0 / hz
+        self.sent_at = float("-inf")  # by the relay's clock
+        self._due_s = float("-inf")  # by the edge's clock
+        self._run_id = 0
+
+    def is_due(self, run_id: int, stamp_s: float, interval_s: float, now: float) -> bool:
+        """Whether a frame stamped `stamp_s` that arrives at `now` is due at this rate."""
+        if run_id != self._run_id:
+            return True
+        ratio = self.period_s / interval_s if interval_s else 1.0
+        if ratio <= 1.0 + WHOLE:
+            return True
+        return stamp_s >= self._due_s - interval_s / 2 and now >= self.sent_at + BURST * self.period_s
+
+    def record_sent(self, run_id: int, stamp_s: float, interval_s: float, now: float) -> None:
+        """Note that this frame was sent."""
+        ratio = self.period_s / interval_s if interval_s else 1.0
+        counted = run_id == self._run_id and abs(stamp_s - self._due_s) <= self.period_s
+        whole = abs(ratio - round(ratio)) <= WHOLE * ratio
+        self._due_s = (self._due_s if counted and not whole else stamp_s) + self.period_s
+        self._run_id = run_id
+        self.sent_at = now
 
 
 class RateGroup:

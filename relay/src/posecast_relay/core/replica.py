@@ -2,21 +2,70 @@
 
 It decides two things. *Which writer is right*: messages about a robot carry the generation of the process
 that wrote them. The highest generation says which run is current, even if this hub would judge the frames
-differently. *What is a sign of life*: a frame that was read from the store, or took long to arrive, is only a
-picture. It becomes a sign of life only through an age reported by the relay that hears the robot. What the
-hub already held when the connection was lost never does.
+differently. *What is a sign of life*: a frame that was read from the store, or took long to arrive, is only
+a picture. It becomes a sign of life only through an age reported by the relay that hears the robot. What
+the hub already held when the connection was lost never does.
 """
 
 from __future__ import annotations
 
-from posecast_wire import Stamp
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from posecast_wire import Snapshot, Stamp
 
 from posecast_relay.core.actions import Action, RequestSnapshot
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.replica_messages import Presence, StreamState, StreamUpdate
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.stream import FrameOutcome, StoredFrame, Stream
+from posecast_relay.core.policy import PUBLIC
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.stream import FrameOutcome, StoredFrame, Stream
+
+
+class StreamUpdate(NamedTuple):
+    """A stream has changed.
+
+    `version` identifies schema, info and model: a new value means that they changed. `numbering` identifies
+    the count of events: a new value means that it restarted at 1.
+    """
+
+    view: str
+    generation: int  # of the writer: a higher one takes over
+    run_id: int
+    version: str
+    numbering: str
+    late_s: float  # the age of the newest frame when this was sent
+    frames: tuple[
+        tuple[int, bytes], ...
+    ]  # ns since the run began by the edge's clock, and the frame; a KEY comes first
+    events: tuple[str, ...]  # numbered, as sent to viewers
+    sent_s: float | None = None
+
+
+class Presence(NamedTuple):
+    """Whether a robot's edge is present, and the age of its newest frame in seconds, by view.
+
+    An age is None before any live frame. `newest`: the run and seq of that frame.
+    """
+
+    token: bool
+    ages_s: Mapping[str, float | None]
+    newest: Mapping[str, tuple[int, int]] = {}
+    sent_s: float | None = None
+
+
+class StreamState(NamedTuple):
+    """The complete stored state of a stream, of any age."""
+
+    generation: int
+    run_id: int
+    stamp_ns: int  # of the newest frame, since the run began by the edge's clock
+    version: str
+    numbering: str
+    snapshot: Snapshot
+    newest: bytes
+    events: tuple[str, ...]
+    is_heard: bool = True  # frames of this run have arrived, not only an answer
+
 
 ASK_S = 1.0  # between two requests for one robot's state
 AGAIN_S = 0.2  # if the answer was empty: it may have been read a moment too early
