@@ -49,7 +49,7 @@ node_modules/.ready: package-lock.json package.json $(wildcard spa/package.json 
 	@npm install --silent --no-save --ignore-scripts
 	@touch $@
 
-spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/lean_react spa/lean_three spa/public spa/index.html spa/vite.config.ts wire/typescript/src 2>/dev/null)
+spa/dist/index.html: node_modules/.ready $(shell git ls-files --cached --others --exclude-standard spa/src spa/public spa/index.html spa/vite.config.ts spa/pack.mjs wire/typescript/src 2>/dev/null)
 	@echo "set up: the page"
 	@npm run --silent build -w spa -- --logLevel warn
 	@touch $@
@@ -68,7 +68,7 @@ spa/dist/guide/index.html: spa/dist/index.html $(DEMO)/model/manifest.json .venv
 	@echo "set up: the guide"
 	@$(BIN)/python -m tools.site --out out/site
 	@rm -rf $(@D) && cp -r out/site $(@D)
-	@find $(@D) -type f -regex '.*\.\(html\|css\|js\|json\|svg\)' -exec gzip -9kn {} +
+	@node spa/pack.mjs $(@D)
 	@touch $@
 
 setup: .venv/.ready node_modules/.ready spa/dist/index.html spa/dist/guide/index.html $(DEMO)/model/manifest.json ## install and build everything, start nothing

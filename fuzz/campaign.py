@@ -27,6 +27,7 @@ FAMILIES = (
     "fuzz.targets.wire",
     "fuzz.targets.relay",
     "fuzz.targets.export",
+    "fuzz.targets.convert",
     "fuzz.targets.archive",
     "fuzz.targets.sources",
     "fuzz.targets.mjcf",

@@ -1,13 +1,10 @@
 import { createHash } from 'node:crypto';
-import { mkdirSync, readdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import path from 'node:path';
-import { gzipSync } from 'node:zlib';
 import react from '@vitejs/plugin-react';
-import type { Plugin } from 'vite';
+import type { Plugin, Rolldown } from 'vite';
 import { defineConfig } from 'vitest/config';
-import { leanReact } from './lean_react/plugin.ts';
-import { leanThree } from './lean_three/plugin.ts';
 
 const RELAYS = 'https: wss: http://localhost:* ws://localhost:* http://127.0.0.1:* ws://127.0.0.1:*';
 /**
@@ -27,59 +24,30 @@ const contentPolicyOf = (page: string) =>
     "form-action 'none'",
   ].join('; ');
 
-/** Chunks that the page itself imports, and those for signed-in viewers. A missing name here costs some bytes, nothing else. */
-const IN_THE_PAGE =
-  /\/(account|account_name|ahead|base|early|first_paint|jsx-runtime|language|level_latch|preload-helper|rolldown-runtime)-[\w-]{8}\.js$/;
+const EARLY = path.resolve(import.meta.dirname, 'src/early.ts');
 
-/** Code shared by the page and lazy parts, in few chunks: a browser requests six files at a time, and the worker has to wait its
- *  turn. */
-const SHARED_CHUNKS = [
+/** The code that the page starts with, in two files: a browser requests six at a time, and the stream's worker has to wait its turn.
+ *  The early script is apart, because it runs before the rest has loaded. three.js is apart from the scene that alone needs it,
+ *  because it changes less often. All other code is split by what loads it. */
+const CHUNKS: Rolldown.CodeSplittingGroup[] = [
+  { name: 'threejs', test: /node_modules\/three\/build\// },
   {
-    // The early script needs this; the page's main script and most later parts need the next one as well.
-    name: 'ahead',
-    test: /spa\/src\/(auth\/(lane|token)|browser\/(storage|store)|model\/(bounds|bundle|files|lod_cache|manifest)|past\/past_source|relay\/(addresses|as_anyone|recording_address|relay)|stream\/clock)\.ts$/,
-  },
-  {
-    name: 'base',
-    test: /node_modules\/react\/|spa\/src\/(app\/(shell\/(media|page_keys)|state\/(settings|use_store)|status\/span_words|text\/language)|browser\/(drawn_lines|first_paint|late_part|retry)|model\/kinematics|twin\/(format|joints|liveness|names|plain_names|rotation|values|limits\/(level_latch|limits))|view\/camera\/framing)\.ts$/,
-  },
-  {
-    // All of three.js except what only mesh readers need: a scene consists of this file and its own.
-    name: 'three.core',
-    test: /three\/src\/(?!loaders|animation|extras|math\/(?:I|i)nterpolant|objects\/(?:SkinnedMesh|Bone|Skeleton|Points|LineLoop)|lights\/(?:Ambient|Point|Spot)|materials\/(?:MeshPh|Points))/,
-  },
-  // The list has few texts, and needs no others.
-  { name: 'list_words', test: /spa\/src\/app\/text\/list(_en)?\.ts$/ },
-  // Texts of late parts: all of them need it, and the player of the past has loaded it by then.
-  {
-    name: 'more',
-    test: /spa\/src\/(app\/(text\/(more|more_en|balance|balance\/balance_en|past|past\/past_en)|status\/(moment_words|past_words))|twin\/balance\/told\/margin_channel)\.ts$/,
-  },
-  { name: 'cells', test: /spa\/src\/app\/.*\/(cells\.ts|fault_words\.ts|FlagTerm\.tsx)$/ },
-  {
-    name: 'sensors',
-    test: /spa\/src\/twin\/(plots\/(choice|trace)|sensors\/sensors)\.ts$/,
-    includeDependenciesRecursively: false,
-  },
-  {
-    // Shared by figures, balance and saving.
-    name: 'root_pose',
-    test: /spa\/src\/(model\/(articulated_body|root_pose|vectors)|overlays\/(colors|limb_across|picture_numbers)|twin\/(sensors\/imus|vectors|wrench_units))\.ts$/,
-    includeDependenciesRecursively: false,
-  },
-  {
-    // Reads a schema's mapping, as a whole: figures need most of it, balance the rest.
-    name: 'mapping_parser',
-    test: /wire\/typescript\/src\/(mapping_parser|stance)\.ts$/,
-    includeDependenciesRecursively: false,
-  },
-  {
-    // Computes, draws and describes balance, without its numbers, and without a selected joint's limits.
-    name: 'balance',
-    test: /spa\/src\/((overlays|model)\/balance\/(?!joint_arc)|view\/balance|app\/balance\/(balance_(part|watch)|Stood|spoken|stance)|twin\/balance\/(?!limit_margin|told\/(could|lacks|margin_channel)))/,
-    includeDependenciesRecursively: false,
+    name: (id, graph) => (importsOf(EARLY, graph).has(id) ? 'early' : 'page'),
+    tags: ['$initial'],
   },
 ];
+
+/** A module and all that it imports at once. */
+function importsOf(
+  id: string,
+  graph: Rolldown.ChunkingContext,
+  found = new Set<string>(),
+): ReadonlySet<string> {
+  if (found.has(id)) return found;
+  found.add(id);
+  for (const imported of graph.getModuleInfo(id)?.importedIds ?? []) importsOf(imported, graph, found);
+  return found;
+}
 
 /** The source expression for the page's only inline script. */
 function inlineScriptHash(page: string): string {
@@ -164,52 +132,19 @@ function embedEntry(): Plugin {
   };
 }
 
-/** A `.gz` beside every file that benefits, for hosts that serve such files, as the relay does. */
-function packed(): Plugin {
-  let folder = '';
-  return {
-    name: 'packed',
-    apply: 'build',
-    configResolved: (config) => {
-      folder = path.resolve(config.root, config.build.outDir);
-    },
-    closeBundle: () => {
-      for (const name of readdirSync(folder, { recursive: true, encoding: 'utf8' })) {
-        if (!/\.(js|css|html|svg)$/.test(name)) continue;
-        const file = path.join(folder, name);
-        writeFileSync(`${file}.gz`, gzipSync(readFileSync(file), { level: 9 }));
-      }
-    },
-  };
-}
-
 export default defineConfig({
   base: './', // one build for any path; the routes live in the hash
-  plugins: [
-    react(),
-    leanReact(),
-    leanThree(path.resolve(import.meta.dirname, 'src/three')),
-    contentPolicy(),
-    earlyStart(),
-    routesPage(),
-    embedEntry(),
-    packed(),
-  ],
+  plugins: [react(), contentPolicy(), earlyStart(), routesPage(), embedEntry()],
   build: {
     target: 'es2022',
     sourcemap: false,
     chunkSizeWarningLimit: 800,
     manifest: true,
     license: { fileName: 'licenses.json' }, // of the bundled packages, including their texts: they require that
-    modulePreload: {
-      polyfill: false, // a browser without it fetches a little later
-      // A part's dependencies are fetched in parallel with it; those that the page has from the start are not listed again.
-      resolveDependencies: (_, needed, { hostType }) =>
-        hostType === 'js' ? needed.filter((file) => !IN_THE_PAGE.test(file)) : needed,
-    },
+    modulePreload: { polyfill: false }, // a browser without it fetches a little later
     rolldownOptions: {
       input: { index: 'index.html', early: 'src/early.ts' },
-      output: { codeSplitting: { groups: SHARED_CHUNKS } },
+      output: { codeSplitting: { groups: CHUNKS } },
     },
   },
   worker: { format: 'es' },

@@ -158,6 +158,7 @@ def test_nginx_serves_the_page_with_its_headers(site: Callable[..., Site], tmp_p
         "/.vite/manifest.json",
         "/embed/UP",
         "/embed/demo/",
+        "/index.html.br",
         "/index.html.gz",
         "/docs/",
     ):
@@ -286,6 +287,18 @@ async def test_a_hall_behind_one_address_opens_the_page_at_once(
     assert set().union(*found) == {200}
     assert set(kept) == set(page[:FILES_OF_A_LOAD])
     assert set(kept.values()) == {1}, "the relay is asked once for a file"
+
+    script = next((DIST / "assets").glob("index-*.js"))
+    for accepts, encoding, suffix in (
+        ("gzip, deflate, br", "br", ".br"),
+        ("br;q=0, gzip", "gzip", ".gz"),
+        ("identity", None, ""),
+    ):
+        for _ in range(2):
+            _, headers, body = at.get(f"/assets/{script.name}", **{"accept-encoding": accepts})
+            assert headers["content-encoding"] == encoding
+            assert body == script.with_name(f"{script.name}{suffix}").read_bytes()
+        assert headers["x-cache"] == "HIT"
 
     # the commands of docs/how-to/scale/cache-for-a-crowd.md that check a cache
     until("there is a segment", lambda: json.loads(at.get("/api/v1/robots/demo/past")[2])["newest"])

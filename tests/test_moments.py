@@ -95,10 +95,10 @@ def test_recordings_and_player_are_small_and_there_once(site: Path) -> None:
     recorded = ("segments", "keys", "models", *NAMES, *(f"{name}.json" for name in NAMES))
     assert sum(size for path, size in sizes.items() if path.parts[0] in recorded) <= RECORDINGS_BYTES_MAX
     assert sum(size for path, size in sizes.items() if path.parts[0] not in recorded) <= PLAYER_BYTES_MAX
-    for kind in ("assets/index-*.js", "assets/three.core-*.js"):
+    for kind in ("assets/index-*.js", "assets/threejs-*.js"):
         assert len([*gallery.rglob(kind)]) == 1, kind
     assert len([*(gallery / "models").iterdir()]) == 2, "the demo's moments share its model"
-    assert not [path for path in sizes if path.suffix == ".gz"]
+    assert not [path for path in sizes if path.suffix in (".br", ".gz")]
 
 
 @pytest.mark.parametrize("name", NAMES)

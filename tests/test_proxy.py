@@ -211,8 +211,10 @@ def test_page_and_routes_over_tls(site: Site) -> None:
     for name in SAFE:
         assert headers[name] == itself[name] is not None, name
     asset = re.findall(r"\./(assets/[^\"]+\.js)", body.decode())[0]
-    status, headers, _ = site.get(f"/{asset}", **{"accept-encoding": "gzip"})
-    assert (status, headers["content-encoding"]) == (200, "gzip")
+    for accepts, encoding in (("gzip", "gzip"), ("gzip, deflate, br", "br"), ("br;q=0, gzip", "gzip")):
+        status, headers, _ = site.get(f"/{asset}", **{"accept-encoding": accepts})
+        assert (status, headers["content-encoding"]) == (200, encoding)
+        assert "accept-encoding" in headers["vary"].lower()
     assert headers["cache-control"] == "public, max-age=31536000, immutable"
     for path, readers in ((f"/{asset}", "*"), ("/config.json", "*"), ("/", None), ("/favicon.svg", None)):
         for at in ("", "http://127.0.0.1:8080"):  # the relay too

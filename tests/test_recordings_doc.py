@@ -27,6 +27,7 @@ PAGES = {
     name: (ROOT / f"docs/{name}.md").read_text()
     for name in (
         *(f"how-to/record/{page}" for page in ("keep-a-lecture", "host-a-recording", "csv", "mcap")),
+        "how-to/record/save-from-the-page",
         "how-to/watch/play-a-recording",
         "reference/past-export",
     )
@@ -35,6 +36,7 @@ LECTURE, HOST = PAGES["how-to/record/keep-a-lecture"], PAGES["how-to/record/host
 ADD = re.compile(r"^\(umask 077; (posecast-relay robots add .*) > \S+\)$", re.MULTILINE)
 KEEP = re.compile(r"^ *(posecast-relay robots set .*)$", re.MULTILINE)
 EXPORT = re.compile(r"^(?:runuser .* /opt/posecast/bin/)?(posecast-relay past export .*)$", re.MULTILINE)
+CONVERT = re.compile(r"^(posecast convert .*)$", re.MULTILINE)
 ARCHIVE = "file:///srv/posecast/past"
 SPAN = {"--from": "2026-01-01", "--to": "2099-01-01"}  # instead of a lecture's
 BEYOND = r"posecast-relay: \S+: there is nothing before \S+, nothing after \S+\n"
@@ -138,9 +140,34 @@ def test_what_the_pages_say_is_so(stack: Any, tmp_path: Path) -> None:
     assert (recording.title, recording.licence) == ("Walking, lecture 7", "CC BY 4.0")
     assert [note.text for note in recording.notes] == texts
     assert '"https://uni.example/robots/lecture-7/models/' in (lecture / "index.html").read_text()
+    (packed,) = (place for place in found.values() if place.suffix == ".posecast")
+    check_conversions(packed, lecture)
     check_python_server(stack, lecture)
     if shutil.which("nginx") is not None:
         check_nginx(stack, lecture.parent, recording.models[0])
+
+
+def check_conversions(packed: Path, lecture: Path) -> None:
+    """The commands that convert a saved file, and the one that makes a folder's data later."""
+    found = commands(CONVERT, *PAGES.values())
+    found += re.findall(r"`(posecast convert lecture/ \S+)`", PAGES["reference/past-export"])
+    assert len(found) == 3
+    for command in found:
+        source, out = shlex.split(command)[2:]
+        at = packed if source.endswith(".posecast") else lecture
+        done = subprocess.run(
+            [f"{BIN}/posecast", "convert", str(at), out],
+            cwd=packed.parent,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert (done.returncode, done.stderr) == (0, ""), command
+        assert done.stdout.startswith(f"{out}: hubo/public, "), command
+        (packed.parent / out).unlink()
+    for name in ("data.csv", "data.mcap"):
+        assert (lecture / name).stat().st_size > 10_000
 
 
 def check_python_server(stack: Any, lecture: Path) -> None:

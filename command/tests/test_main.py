@@ -41,6 +41,8 @@ def posecast(*argv: str) -> subprocess.CompletedProcess[str]:
         (("relay", "run"), "posecast relay run"),
         (("relay", "past", "list"), "posecast relay past list"),
         (("past", "list"), "posecast past list"),
+        (("convert",), "posecast convert"),
+        (("relay", "convert"), "posecast relay convert"),
         (("edge", "run"), "posecast edge run"),
         (("edge", "probe"), "posecast edge probe"),
         (("probe",), "posecast probe"),
@@ -86,6 +88,8 @@ def test_help_fits_a_terminal_and_its_examples_are_right(argv: tuple[str, ...]) 
         (("edge", "run", "--source", "demo"), "posecast edge: the following arguments are required: --relay"),
         (("doctor",), "posecast: doctor: give --urdf"),
         (("past", "list", "--past", "x"), "posecast: --past 'x': "),
+        (("convert", "x"), "posecast: the following arguments are required: OUT"),
+        (("convert", "none", "x.csv"), "posecast: none: no such file or directory"),
     ],
 )
 def test_a_mistake_is_one_line_of_the_name_that_was_typed(argv: tuple[str, ...], line: str) -> None:

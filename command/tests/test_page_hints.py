@@ -12,7 +12,7 @@ from posecast_edge.cli.settings import make_parser as make_agent_parser
 pytestmark = pytest.mark.docs
 
 APP = Path(__file__).resolve().parents[2] / "spa/src/app"
-HINT = re.compile(r"(?<![\w.`])posecast ((?:run|model|demo|relay|edge|robots|past)[^`'”\n]*)")
+HINT = re.compile(r"(?<![\w.`])posecast ((?:run|model|demo|relay|edge|robots|past|convert)[^`'”\n]*)")
 HINTS = sorted(
     (path.relative_to(APP).as_posix(), hint[1])
     for path in APP.rglob("*.ts*")
@@ -22,13 +22,18 @@ HINTS = sorted(
 
 def test_both_languages_and_both_empty_places_have_some() -> None:
     found = {path for path, _ in HINTS}
-    assert found == {"body/SelfPlots.tsx", "pages/list/RobotList.tsx", "text/more_en.ts", "text/more_ko.ts"}
+    assert found == {
+        *("body/SelfPlots.tsx", "pages/list/RobotList.tsx", "past/save/SaveSheet.tsx"),
+        *("text/more_en.ts", "text/more_ko.ts"),
+    }
 
 
 @pytest.mark.parametrize(("path", "hint"), HINTS)
 def test_a_hint_is_a_command_with_flags_that_it_has(path: str, hint: str) -> None:
     words = hint.replace("<span>", "").split()
-    parsers = [make_whole_parser()] if words[0] == "model" else [make_whole_parser(), make_agent_parser({})]
+    parsers = [make_whole_parser()]
+    if words[0] not in ("model", "convert"):
+        parsers.append(make_agent_parser({}))
     for parser in parsers:  # the agent alone has the same command under its own name
         at, rest = parser, list(words)
         while at._subparsers is not None:

@@ -116,9 +116,11 @@ def make_page(folder: Path) -> Path:
     """A small built page, with all that has to be left out."""
     for path, text in {
         "index.html": INDEX,
+        "index.html.br": "packed",
         "index.html.gz": "packed",
         "embed/index.html": INDEX.replace("./", "../").replace("<html ", '<html data-page="embed" '),
         "assets/index-1.js": "1",
+        "assets/index-1.js.br": "packed",
         "assets/index-1.js.gz": "packed",
         "assets/early-1.js": "2",
         "icon-512.png": "icon",

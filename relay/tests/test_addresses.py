@@ -58,18 +58,6 @@ def test_each_address_has_its_share_and_gets_it_back() -> None:
     assert len(addresses) == 0
 
 
-def test_previews_take_no_viewers_place() -> None:
-    addresses = Addresses(1)
-    preview = addresses.enter("1.1.1.1", None, is_preview=True)
-    assert addresses.enter("1.1.1.1", None, is_preview=True) is None
-    viewer = addresses.enter("1.1.1.1", None)
-    assert preview is not None
-    assert viewer is not None
-    for entered in (preview, viewer):
-        addresses.leave(entered)
-    assert len(addresses) == 0
-
-
 def test_this_machine_itself_is_not_counted() -> None:
     addresses = Addresses(1)
     for peer in ("127.0.0.1", "127.9.9.9", "::1", "::ffff:127.0.0.1"):

@@ -136,36 +136,10 @@ def test_whoever_is_refused_for_want_of_room_is_told_when_to_come_again() -> Non
         (Occupancy(9, 10, 2), ROBOT_FULL),
         (Occupancy(10, 10, 2, is_draining=True), DRAINING),
         (Occupancy(0, 10, is_draining=True), DRAINING),
-        (Occupancy(10, 10, 1, previews=1), None),
-        (Occupancy(11, 10, 1, previews=1), FULL),
-        (Occupancy(9, 10, 2, previews=1, previews_of_audience=1), None),
-        (Occupancy(9, 10, 2, previews=1), ROBOT_FULL),
     ],
 )
 def test_there_is_room_or_not(occupancy: Occupancy, refusal: Refusal | None) -> None:
     assert find_no_room(admitted(ASKS), occupancy) is refusal
-
-
-@pytest.mark.parametrize(
-    ("occupancy", "refusal"),
-    [
-        (Occupancy(9, 10, 1, previews=9, previews_of_audience=1), None),
-        (Occupancy(10, 10, 0, previews=10), FULL),
-        (Occupancy(9, 10, 2, previews=9, previews_of_audience=2), ROBOT_FULL),
-        (Occupancy(0, 10, is_draining=True), DRAINING),
-    ],
-)
-def test_a_preview_has_free_places_only(occupancy: Occupancy, refusal: Refusal | None) -> None:
-    assert find_no_room(admitted(replace(ASKS, is_preview=True)), occupancy) is refusal
-
-
-def test_a_preview_gets_1_hz_or_less_of_what_anyone_gets_and_no_more_rights() -> None:
-    preview = admitted(replace(ASKS, is_preview=True))
-    assert preview == replace(admitted(ASKS), hz=1.0, is_preview=True, past_s=0.0)
-    slow = Policy({"open": {A: Rule(hz=0.5)}})
-    assert admitted(replace(ASKS, is_preview=True), slow).hz == 0.5
-    for refused in (Applicant("lab", who=ANYONE), Applicant("open", "lab", who=ANYONE)):
-        assert admit(replace(refused, is_preview=True), POLICY) is admit(refused, POLICY)
 
 
 def test_a_grant_without_a_cap_has_room_until_the_relay_is_full() -> None:

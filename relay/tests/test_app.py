@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gzip
 import os
 from pathlib import Path
 from typing import Any
@@ -332,22 +331,6 @@ def test_a_frames_page_says_which_pages_may_frame_its_robot(relays: Any, page: P
         "the file has been read anew",
         lambda: ancestors("/embed/open", **{"if-modified-since": date}) == hidden,
     )
-
-
-def test_a_packed_file_goes_to_those_who_can_unpack(relay: SharedRelay, page: Path) -> None:
-    script = "let a = 1;\n" * 1000
-    (page / "assets" / "app-1a2b.js").write_text(script)
-    (page / "assets" / "app-1a2b.js.gz").write_bytes(gzip.compress(script.encode()))
-    url = f"{relay.base}/assets/app-1a2b.js"
-    packed = httpx.get(url, headers={"accept-encoding": "gzip, br"})
-    plain = httpx.get(url, headers={"accept-encoding": "identity"})
-    assert packed.text == plain.text == script
-    assert int(packed.headers["content-length"]) < 200
-    assert packed.headers["content-encoding"] == "gzip"
-    assert "content-encoding" not in plain.headers
-    for answer in (packed, plain):
-        assert answer.headers["content-type"].startswith("text/javascript")
-        assert answer.headers["vary"] == "accept-encoding"
 
 
 async def test_a_relay_without_a_page_says_so() -> None:

@@ -108,7 +108,6 @@ def test_nobody_is_told_the_lane_for_another_reason_than_that_the_relay_is_full(
     asked = Applicant("r", who=ANYONE)
     assert enter(asked, occupancy=ROOM) is None
     assert enter(asked, occupancy=replace(NONE_LEFT, is_draining=True)) is DRAINING
-    assert is_told(enter(replace(asked, is_preview=True))) is None
     capped = Policy({"r": {A: Rule(viewers=2)}})
     assert enter(asked, capped, Occupancy(9, 10, 2)) is ROBOT_FULL
     assert is_told(enter(asked, capped, Occupancy(10, 10, 2))) is None  # nor would there be room otherwise
@@ -125,7 +124,6 @@ def test_a_crowded_address_is_let_in_only_to_be_told_the_lane() -> None:
     assert found == replace(CROWDED, at_door=False, lane=LANE)
     assert admit(replace(crowded, shows_token=True, who=Close.TOKEN), BOTH, has_past=True) == found
     for other in (
-        replace(crowded, is_preview=True),
         replace(crowded, view="lab"),
         replace(crowded, robot="none"),
         replace(crowded, bad_name="no name"),
@@ -140,17 +138,14 @@ def test_the_hub_tells_it_and_counts_whom_it_told() -> None:
     world.on_air()
     grant = admit(Applicant("r", who=ANYONE), BOTH, has_past=True)
     assert isinstance(grant, Grant)
-    grants = [grant, replace(grant, lane=None), grant, replace(grant, is_preview=True, lane=None), grant]
+    grants = [grant, replace(grant, lane=None), grant, replace(grant, lane=None), grant]
     screens = []
     for each in grants:
         screens.append(Screen())
         viewer = Viewer(screens[-1], "r", "public", 30.0, world.limits, world.now, grant=each)
         world.do(world.hub.join(viewer, world.now, UNIX_S))
     assert [screen.lane for screen in screens] == [None, None, LANE, None, LANE]
-    assert (world.hub.sent_to_lane, world.hub.endings, world.hub.preview_endings) == (
-        *(2, {Close.FULL: 3}),
-        {Close.FULL: 1},
-    )
+    assert (world.hub.sent_to_lane, world.hub.endings) == (2, {Close.FULL: 4})
     ((_, payload),) = split(messages.make_bye(1013, "full", 30.0, LANE))
     assert json.loads(payload) == {
         "type": "bye", "code": 1013, "reason": "full", "retry_s": 30.0, "lane": LANE
@@ -233,7 +228,6 @@ async def test_a_relay_with_defaults_sends_whom_it_has_no_place_for_to_the_lane(
             assert (told["code"], told["retry_s"], told["lane"]) == (Close.FULL, 30.0, LANE), query
             if query != "?auth=1":  # nobody can say anything there
                 assert (await hear_events(relay, query)) == told
-        assert "lane" not in await hear(relay, "?preview=1")
         assert (await hear(relay, "?view=lab"))["code"] == Close.FORBIDDEN
 
         def begin() -> dict[str, Any] | None:

@@ -75,12 +75,6 @@ def test_how_far_back_an_audience_may_look(rule: Rule, audience: Audience, past_
     assert may_look(granted, round(1000 * rule.delay_s)) == (past_s > 0)
 
 
-def test_a_preview_has_no_past() -> None:
-    found = admit(Applicant("r", who=NOBODY, is_preview=True), Policy())
-    assert isinstance(found, Grant)
-    assert found.past_s == 0.0
-
-
 def test_the_window_is_kept_to_the_millisecond_and_in_delayed_time() -> None:
     live = grant(Rule(past_s=60.0))
     late = grant(Rule(past_s=60.0, delay_s=10.0))

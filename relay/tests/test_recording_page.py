@@ -109,7 +109,7 @@ def test_the_built_page_is_one(tmp_path: Path) -> None:
 def test_all_of_the_page_is_known() -> None:
     build, ours = REPOSITORY / "spa", PAGE_FILES | PAGE_FOLDERS | {"docs", "guide", "config.json", ".vite"}
     for folder in (build / "public", build / "dist"):
-        names = {path.name for path in folder.glob("*") if path.suffix != ".gz"}
+        names = {path.name for path in folder.glob("*") if path.suffix not in (".br", ".gz")}
         assert names <= ours
 
 

@@ -42,6 +42,10 @@ def test_whatever_the_address_is_it_is_refused_or_sound(query: str) -> None:
         assert asked.hz == 0 or 0.1 <= asked.hz <= 1000
 
 
+def test_an_older_page_that_asks_for_a_preview_gets_a_stream_like_any_other() -> None:
+    assert read_target(f"{LIVE}?hz=30&preview=1") == read_target(f"{LIVE}?hz=30")
+
+
 def test_names_are_checked_and_shown_as_what_they_are() -> None:
     with pytest.raises(NoSuchStream) as refused:
         StreamRequest("r\u202e" * 100, None, 1.0, False).check()

@@ -1,4 +1,4 @@
-/** The balance signs in both renderers: support, cost, and grey for old poses. */
+/** The balance signs: support, cost, and grey for old poses. */
 
 import { expect, it } from 'vitest';
 import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
@@ -62,74 +62,63 @@ function onOneFoot({ ftf = {}, ftm = {}, ...moment }: Moment): Moment {
   };
 }
 
-it.each([
-  { body: '3d', in3d: true },
-  { body: 'light', in3d: false },
-])(
-  'a robot with all its signs of balance: $body',
-  async ({ body, in3d }) => {
-    const relay = await stage.stack.relay();
-    const { source, edge } = stage.stack.fedEdge(relay, STANDING, DEMO);
-    const page = await stage.newPage({ preload: COUNT_DRAWS });
-    await page.open(`${relay.url}/#/r/demo`);
-    await shown(page);
-    await choose(page, { body, balance: 'off' });
-    if (in3d) await until('skin', () => hasSkin(page), 60_000);
-    await atRest(page);
-    expect(await balance(page), 'it is off').toBeNull();
-    const without = in3d ? await drawCalls(page) : null;
+it('a robot with all its signs of balance', async () => {
+  const relay = await stage.stack.relay();
+  const { source, edge } = stage.stack.fedEdge(relay, STANDING, DEMO);
+  const page = await stage.newPage({ preload: COUNT_DRAWS });
+  await page.open(`${relay.url}/#/r/demo`);
+  await shown(page);
+  await choose(page, { balance: 'off' });
+  await until('skin', () => hasSkin(page), 60_000);
+  await atRest(page);
+  expect(await balance(page), 'it is off').toBeNull();
+  const without = await drawCalls(page);
 
-    await choose(page, { body, balance: 'auto' });
-    if (in3d) await until('skin', () => hasSkin(page), 60_000);
-    const stands = await balanceWith(page, 'a polygon', ({ polygon }) => polygon.length > 3);
-    expect(stands).toMatchObject({ ground: 'measured', level: 'ok' });
-    expect(stands.feet.map(({ name, bears }) => [name, bears])).toEqual([
-      ['RF', true],
-      ['LF', true],
-    ]);
-    expect(stands.centreOfMass?.[2]).toBeGreaterThan(0.5);
-    expect(stands.floorM).toBeCloseTo(0, 2);
-    expect(stands.pressure).not.toBeNull();
-    const mm = Math.round(stands.marginM! * 1000);
-    expect(mm).toBeGreaterThan(20);
-    await until('the margin in words', async () => (await labels(page)).includes(`margin: ${mm} mm`));
+  await choose(page, { balance: 'auto' });
+  await until('skin', () => hasSkin(page), 60_000);
+  const stands = await balanceWith(page, 'a polygon', ({ polygon }) => polygon.length > 3);
+  expect(stands).toMatchObject({ ground: 'measured', level: 'ok' });
+  expect(stands.feet.map(({ name, bears }) => [name, bears])).toEqual([
+    ['RF', true],
+    ['LF', true],
+  ]);
+  expect(stands.centreOfMass?.[2]).toBeGreaterThan(0.5);
+  expect(stands.floorM).toBeCloseTo(0, 2);
+  expect(stands.pressure).not.toBeNull();
+  const mm = Math.round(stands.marginM! * 1000);
+  expect(mm).toBeGreaterThan(20);
+  await until('the margin in words', async () => (await labels(page)).includes(`margin: ${mm} mm`));
 
-    await atRest(page);
-    if (without !== null) {
-      const withSigns = await drawCalls(page);
-      console.log(`draw calls without balance ${without.all}, with it ${withSigns.all}`);
-      expect(withSigns.all - without.all, 'the axes are hidden').toBe(MOST_CALLS - 1);
-    }
+  await atRest(page);
+  const withSigns = await drawCalls(page);
+  console.log(`draw calls without balance ${without.all}, with it ${withSigns.all}`);
+  expect(withSigns.all - without.all, 'the axes are hidden').toBe(MOST_CALLS - 1);
 
-    source.write(JSON.stringify(onOneFoot(STANDING)));
-    const lifted = await balanceWith(page, 'one foot', ({ feet }) => feet[0]?.bears === false);
-    expect(lifted.level, 'outside of it').not.toBe('ok');
-    expect(lifted.marginM).toBeLessThan(0);
-    expect(lifted.feet[1], 'on its heel').toMatchObject({ bears: true, atEdge: true });
-    expect(lifted.footprints).toBe(1);
-    await until('a warning', async () =>
-      (await labels(page)).some((label) => /^margin: −\d+ mm$/.test(label)),
-    );
+  source.write(JSON.stringify(onOneFoot(STANDING)));
+  const lifted = await balanceWith(page, 'one foot', ({ feet }) => feet[0]?.bears === false);
+  expect(lifted.level, 'outside of it').not.toBe('ok');
+  expect(lifted.marginM).toBeLessThan(0);
+  expect(lifted.feet[1], 'on its heel').toMatchObject({ bears: true, atEdge: true });
+  expect(lifted.footprints).toBe(1);
+  await until('a warning', async () => (await labels(page)).some((label) => /^margin: −\d+ mm$/.test(label)));
 
-    await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
-    const selected = await balanceWith(page, 'limits', ({ joints }) => joints.length > 0);
-    expect(selected.joints.map(({ joint }) => joint)).toEqual(['RKN']);
-    expect(selected.joints[0]!.left).toBeGreaterThan(0);
+  await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
+  const selected = await balanceWith(page, 'limits', ({ joints }) => joints.length > 0);
+  expect(selected.joints.map(({ joint }) => joint)).toEqual(['RKN']);
+  expect(selected.joints[0]!.left).toBeGreaterThan(0);
 
-    source.write(JSON.stringify({ ...STANDING, ftf: { ...STANDING.ftf, 'RF.fz': null } }));
-    const unread = await balanceWith(page, 'no reading', ({ feet }) => feet[0]?.bears === null);
-    expect(unread).toMatchObject({ polygon: [], marginM: null, pressure: null });
-    expect(unread.centreOfMass, 'the mass needs no force').not.toBeNull();
-    expect((await labels(page)).some((label) => label.startsWith('margin'))).toBe(false);
+  source.write(JSON.stringify({ ...STANDING, ftf: { ...STANDING.ftf, 'RF.fz': null } }));
+  const unread = await balanceWith(page, 'no reading', ({ feet }) => feet[0]?.bears === null);
+  expect(unread).toMatchObject({ polygon: [], marginM: null, pressure: null });
+  expect(unread.centreOfMass, 'the mass needs no force').not.toBeNull();
+  expect((await labels(page)).some((label) => label.startsWith('margin'))).toBe(false);
 
-    source.write(JSON.stringify(STANDING));
-    await until('a margin again', async () => (await labels(page)).includes(`margin: ${mm} mm`));
-    edge.signal('SIGSTOP');
-    await until('an old pose', async () => ['STALE', 'OFFLINE'].includes(await liveness(page)), 60_000);
-    await until('a grey label', () =>
-      page.evaluate<boolean>(`document.querySelector('[data-sign="margin"]')?.dataset.old === 'true'`),
-    );
-    edge.signal('SIGCONT');
-  },
-  240_000,
-);
+  source.write(JSON.stringify(STANDING));
+  await until('a margin again', async () => (await labels(page)).includes(`margin: ${mm} mm`));
+  edge.signal('SIGSTOP');
+  await until('an old pose', async () => ['STALE', 'OFFLINE'].includes(await liveness(page)), 60_000);
+  await until('a grey label', () =>
+    page.evaluate<boolean>(`document.querySelector('[data-sign="margin"]')?.dataset.old === 'true'`),
+  );
+  edge.signal('SIGCONT');
+}, 240_000);

@@ -146,26 +146,6 @@ describe('the camera under the mouse', () => {
       expect((await eye(page)).azimuth).toBeCloseTo(near.azimuth, 6);
     },
   );
-
-  it.skipIf(!FULL)(
-    'moves over the floor with the left button for a Foxglove mouse, chosen in the settings',
-    async () => {
-      const page = await standing();
-      await page.findByRole('button', 'Settings').click();
-      const other = `document.querySelector('input[name=mouse]:not(:checked)')`;
-      await until('the settings', () => page.evaluate<boolean>(`${other} !== null`));
-      await page.evaluate(`${other}.click()`);
-      await page.screenshot(path.join(SHOTS, `settings-${engineName()}.png`));
-      await page.findByRole('button', 'Close').click();
-      const before = await eye(page);
-      const { robot } = await places(page);
-      await page.drag(robot, { x: robot.x + 100, y: robot.y + 20 });
-      await until('moved', async () => apart((await eye(page)).target, before.target) > 0.05);
-      const after = await eye(page);
-      expect(after.target[2]).toBeCloseTo(before.target[2], 6);
-      expect(after.azimuth).toBeCloseTo(before.azimuth, 6);
-    },
-  );
 });
 
 describe('the camera under keys', () => {

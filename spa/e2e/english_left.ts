@@ -5,7 +5,7 @@ import type { Page } from './driver/page.ts';
 /** The same in every language: the four states, units, formats, names of things and of keys. */
 const SAME = new Set(
   `live holding stale offline posecast hz ms rad deg min kb mb px json csv zip urdf xacro html iframe url qr http https
-  websocket esc escape tab enter shift imu ft can pwm cpu mesh roll pitch yaw foxglove english language korean fx fy fz mx my mz
+  websocket esc escape tab enter shift imu ft can pwm cpu mesh roll pitch yaw english language korean fx fy fz mx my mz
   config wx wy wz ax ay az nm csv gib mib sdf mjcf`.split(/\s+/),
 );
 

@@ -54,3 +54,22 @@ it('the light view has the signs of the 3D view: ghost, arc, forces, level, load
   await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
   await drawsNothing(page, 4);
 });
+
+it('the light view says balance in words and numbers, draws the other signs as without it, and says so in the menu', async () => {
+  const relay = await stage.stack.relay();
+  stage.stack.fedEdge(relay, demoAt(38), DEMO);
+  const page = await stage.newPage();
+  page.forgive(/WebGL/);
+  await page.open(`${relay.url}/#/r/demo`);
+  await shown(page);
+  await until('its sentence', async () => (await page.findByTestId('balance-line').count()) === 1, 60_000);
+  expect(await page.findByTestId('balance-line').text()).toMatch(/\d+\smm/);
+  const { level } = await signs(page);
+  expect(await page.evaluate('window.posecast.scene.signs.balance')).toBeNull();
+  expect(level.feet).toEqual(['RF', 'LF']);
+  expect(level.planeZ).not.toBeNull();
+  expect((await labels(page)).filter((label) => /^margin/.test(label))).toEqual([]);
+  await page.findByRole('button', 'signs').click();
+  await until('the entry', async () => (await page.findByTestId('balance-entry').count()) === 1, 30_000);
+  expect(await page.findByTestId('balance-entry').text()).toMatch(/Only the 3D view draws its signs/);
+});

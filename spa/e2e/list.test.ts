@@ -2,7 +2,6 @@ import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { liveness } from './robot_page.ts';
-import { DEMO, demoAt } from './sign_words.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
@@ -51,51 +50,4 @@ it('an address without # leads to its robot, and a mistyped one to a sentence an
   await page.findByRole('link', 'All robots').click();
   await until('the list', async () => (await names(page, 'robots')).join() === 'demo', 30_000);
   expect(await path(page)).toBe('/#/');
-});
-
-it('the card in focus moves, one at a time, and counts as no viewer', async () => {
-  const relay = await stage.stack.relay();
-  for (const robot of ['left', 'right']) stage.stack.fedEdge(relay, demoAt(20), { ...DEMO, robot });
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/`);
-  await until('both', async () => (await names(page, 'robots')).length === 2, 30_000);
-  const moving = () =>
-    page.evaluate<string[]>(
-      `[...document.querySelectorAll('[data-testid=preview][data-moves=true]')].map((one) => one.closest('a').dataset.robot)`,
-    );
-  expect(await moving()).toEqual([]);
-  for (const robot of ['left', 'right']) {
-    await page.evaluate(`document.querySelector('[data-robot=${robot}]').focus()`);
-    await until(`${robot} moves`, async () => (await moving()).join() === robot, 30_000);
-    await until('its lines', () =>
-      page.evaluate<boolean>(`(([canvas]) => canvas.width > 0 && canvas.getContext('2d')
-        .getImageData(0, 0, canvas.width, canvas.height).data.some((value) => value > 0)
-        )([...document.querySelectorAll('[data-testid=preview]')])`),
-    );
-  }
-  const counted = await (await fetch(`${relay.url}/api/v1/robots`)).json();
-  expect(counted.robots.map(({ viewers }: { viewers: number }) => viewers)).toEqual([0, 0]);
-});
-
-it('on a phone the card in the middle of the screen moves', async (context) => {
-  stage.needs(context, 'touch');
-  const relay = await stage.stack.relay();
-  for (const robot of ['a', 'b', 'c', 'd']) stage.stack.fedEdge(relay, demoAt(20), { ...DEMO, robot });
-  const page = await stage.newPage({ viewport: { width: 390, height: 844 }, touch: true });
-  await page.open(`${relay.url}/`);
-  await until('all', async () => (await names(page, 'robots')).length === 4, 30_000);
-  const middle = () =>
-    page.evaluate<string>(
-      `document.elementFromPoint(innerWidth / 2, innerHeight / 2)?.closest('a')?.dataset.robot ?? ''`,
-    );
-  const moves = async (robot: string) =>
-    (await page.findByTestId('preview').count()) === 1 &&
-    (await page.evaluate<boolean>(
-      `document.querySelector('[data-robot=${robot}] [data-moves=true]') !== null`,
-    ));
-  await page.evaluate(`document.querySelector('[data-robot=b]').scrollIntoView({ block: 'center' })`);
-  await until('b moves', () => moves('b'), 30_000);
-  await page.evaluate(`document.querySelector('[data-robot=c]').scrollIntoView({ block: 'center' })`);
-  await until('c moves', () => moves('c'), 30_000);
-  expect(await middle()).toBe('c');
 });

@@ -30,7 +30,7 @@ describe('a page that is opened while its proxy restarts', () => {
       /This page did not load\. Trying again\./,
     ],
     ['has no relay', '/embed/demo', /\/assets\//, { status: 502 }, KOREAN, /페이지를 불러오지 못했습니다\./],
-    ['has some files', '/r/demo', /\/assets\/base-/, { status: 502 }, '', /This page did not load/],
+    ['has some files', '/r/demo', /\/assets\/early-/, { status: 502 }, '', /This page did not load/],
   ])('and %s says so, and comes by itself', async (name, at, missing, answer, preload, sentence) => {
     gate.answer = ({ url = '' }) => (missing.test(url) ? answer : null);
     const page = await stage.newPage({ preload });

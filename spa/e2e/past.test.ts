@@ -52,8 +52,6 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     await until('LIVE', is(page, 'LIVE'), 60_000);
     await until('a body', () => whole(page), 60_000);
     await rewindable(page, 12);
-    const isReader = (url: string) => url.includes('/past_reader-');
-    await until('what reads the past, before anybody looks back', () => page.requested.some(isReader));
     mkdirSync(SHOTS, { recursive: true });
     await page.screenshot(path.join(SHOTS, `time-line-${viewport.width}.png`));
 

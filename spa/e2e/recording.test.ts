@@ -43,6 +43,19 @@ const askedOf = (page: Page) =>
     .map((url) => new URL(url).pathname)
     .filter((name) => !/\/assets\/|\/$|index\.html$|favicon|icon-|webmanifest/.test(name));
 
+/** Checks that data.csv and data.mcap of a folder are linked in a part of the page, with their sizes. */
+async function offersFiles(page: Page, id: string, { at }: Exported): Promise<void> {
+  const links = await page.evaluate<[href: string, name: string, text: string][]>(
+    `[...${testId(id)}.querySelectorAll('a[download]')].map((a) => [a.href, a.download, a.textContent])`,
+  );
+  expect(links.map(([, name]) => name)).toEqual(['demo.csv', 'demo.mcap']);
+  for (const [href, , text] of links) {
+    const file = readFileSync(path.join(at, path.basename(href)));
+    expect(Buffer.from(await (await fetch(href)).arrayBuffer()).equals(file), href).toBe(true);
+    expect(text).toMatch(file.length < 1e6 ? /^(CSV|MCAP) \(\d+ kB\)$/ : /^(CSV|MCAP) \([\d.]+ MB\)$/);
+  }
+}
+
 it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
   'an export plays on a host of plain files, below a path, at $width px',
   async (viewport) => {
@@ -136,9 +149,19 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       await until('about it', async () => (await page.findByTestId('about-recording').count()) === 1);
       const about = await textOf(page, 'about-recording');
       for (const said of [TOLD.author, TOLD.licence, TOLD.notes[1][1]]) expect(about).toContain(said);
+      await offersFiles(page, 'about-recording', lecture);
       await page.screenshot(path.join(SHOTS, `recording-about-${viewport.width}.png`));
       await page.evaluate(`document.querySelectorAll('[data-testid="go-to-note"]')[1].click()`);
       await until('the note of the list', async () => (await shown(page)).momentMs === lecture.fromMs + 4000);
+
+      // the whole of it for other programs, where one saves
+      await page.press('x');
+      await until('the sheet', async () => (await page.findByTestId('save-offered').count()) === 1);
+      await offersFiles(page, 'save-offered', lecture);
+      expect(await textOf(page, 'save-mcap')).toContain('posecast convert FILE.posecast OUT.mcap');
+      await page.screenshot(path.join(SHOTS, `recording-save-${viewport.width}.png`));
+      await page.press('Escape');
+      await until('no sheet', async () => (await page.findByTestId('save').count()) === 0);
 
       // a link to a moment, and one to a moment that it does not have
       await page.open('about:blank');

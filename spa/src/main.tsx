@@ -1,12 +1,9 @@
 import './early.ts';
-import { StrictMode, Suspense } from 'react';
+import { StrictMode } from 'react';
 import { createRoot } from 'react-dom/client';
 import { App } from './app/App.tsx';
 import { loadThree } from './app/body/load_three.ts';
 import { hasWebGl } from './app/body/use_body_view.ts';
-import { loadPanel } from './app/numbers/load_panel.ts';
-import { loadList } from './app/pages/list/index.ts';
-import { loadRecording } from './app/pages/recording/load_recording.ts';
 import { installDebugApi } from './app/shell/debug_api.ts';
 import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
 import { AbsentNotice, late, onDemand } from './app/shell/late.tsx';
@@ -30,12 +27,12 @@ performance.mark('posecast:script');
 const { page } = parseRoute(window.location.hash);
 const isRecording = recordingUrl() !== null;
 if (!embedded && isRecording) {
-  loadRecording().catch(() => {}); // the body is shown after its first pose
-  loadPanel().catch(() => {});
+  import('./app/pages/recording/RecordingPage.tsx').catch(() => {}); // the body is shown after its first pose
+  import('./app/numbers/Panel.tsx').catch(() => {});
 } else if (!embedded && page === 'robot') {
-  loadPanel().catch(() => {}); // the page requests it again and reports the error
+  import('./app/numbers/Panel.tsx').catch(() => {}); // the page requests it again and reports the error
   if (hasWebGl()) loadThree().catch(() => {});
-} else if (!embedded && page === 'list') loadList().catch(() => {});
+} else if (!embedded && page === 'list') import('./app/pages/list/RobotList.tsx').catch(() => {});
 installDebugApi();
 const lend = () => applyLinkSettings(queryOf(window.location.hash));
 lend();
@@ -50,9 +47,7 @@ if (root !== null) {
       <StrictMode>
         {embedded ? (
           <ErrorBoundary>
-            <Suspense>
-              <EmbedPage />
-            </Suspense>
+            <EmbedPage />
             <AbsentNotice />
           </ErrorBoundary>
         ) : (

@@ -1,6 +1,5 @@
 import { describe, expect, it } from 'vitest';
 import { missingWords } from '../src/app/body/words.ts';
-import { mayMove } from '../src/app/pages/list/moving_card.ts';
 import { inOrder, judgeListed, readPublishAt, readRobots } from '../src/app/pages/list/robots.ts';
 import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../src/app/shell/sheet_heights.ts';
 import { hashAtPath, hashOfPath } from '../src/app/state/path.ts';
@@ -128,19 +127,6 @@ describe('where a robot may be published', () => {
     for (const odd of ['tcp/evil.example:1', 'tcp/127.0.0.1:1; rm -r x', 7447, null])
       expect(readPublishAt({ publish_at: odd })).toBe(null);
     expect([{}, [], null].map(readPublishAt)).toEqual([null, null, null]);
-  });
-});
-
-describe('a card that moves', () => {
-  it('does not on a slow line, where data is saved, or for who wants less motion', () => {
-    expect(mayMove(undefined, 100, false)).toBe(true);
-    expect(mayMove({ effectiveType: '4g', saveData: false }, 100, false)).toBe(true);
-    expect(mayMove(undefined, 100, true)).toBe(false);
-    expect(mayMove(undefined, 2000, false)).toBe(false);
-    expect(mayMove(undefined, Number.POSITIVE_INFINITY, false)).toBe(false);
-    expect(mayMove({ saveData: true }, 100, false)).toBe(false);
-    for (const effectiveType of ['slow-2g', '2g', '3g'])
-      expect(mayMove({ effectiveType }, 100, false)).toBe(false);
   });
 });
 

@@ -39,7 +39,7 @@ function statesOf({ schema, frames }: BalanceCase, laterMs = 0): RobotState[] {
 
 /** The signs of a robot, drawn state by state, each as if at rest. */
 function signsOf({ manifest, schema }: BalanceCase) {
-  const signs = new BalanceOverlay(new Facets(), () => null);
+  const signs = new BalanceOverlay(new Facets());
   const body = new FrameBody(manifest, schema);
   const matrices = manifest.links.map((_, i) => ({
     elements: body.worldFromLink.subarray(i * 16, i * 16 + 16),

@@ -3,7 +3,6 @@ import { parseSchema } from '@posecast/wire';
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
 import { filterText, setFilter } from '../src/app/numbers/table/filter.ts';
 import { JointView, type TableSources } from '../src/app/numbers/table/joint_view.ts';
-import { titledLimbs } from '../src/app/numbers/table/limb_titles.ts';
 import { selection, selectJoint } from '../src/app/state/selection.ts';
 import { changeSettings } from '../src/app/state/settings.ts';
 import { RobotTwin } from '../src/twin/robot.ts';
@@ -67,7 +66,7 @@ describe('the order', () => {
 
   it('is limb by limb where that is wanted, one with a fault before the others', () => {
     changeSettings({ limbs: true });
-    const { say, shown, twin, view } = table({ limbs: titledLimbs });
+    const { say, shown, twin, view } = table();
     say({}, 0);
     expect(shown()).toEqual(['# Left 1', 'LKN', '# Right leg 1', 'RKN', '# Other joints 1', 'NK1']);
     say({ 'flags.NK1': JAM }, 100);
@@ -123,7 +122,7 @@ describe('a row that goes up or down', () => {
 
   it('takes its limb along in the same way', () => {
     changeSettings({ limbs: true });
-    const { say, shown, host } = table({ limbs: titledLimbs });
+    const { say, shown, host } = table();
     say({}, 0);
     const moved = moves(host);
     host.querySelector<HTMLElement>('tr[data-label="NK1"] button')!.focus();

@@ -7,7 +7,6 @@ import { Coming } from '../src/past/player/coming.ts';
 import type { RecordingFiles } from '../src/past/recording/recording_files.ts';
 import { type RecordingIndex, readIndex } from '../src/past/recording/recording_index.ts';
 import { RecordingPast } from '../src/past/recording/recording_past.ts';
-import * as reader from '../src/past/relay/past_reader.ts';
 import { Rig } from './past_player_rig.ts';
 import { FROM_MS, RUN, recorded, SCHEMA, SCHEMA_SHA, sent, TAKE } from './past_recordings.ts';
 import { PageClock } from './past_rig.ts';
@@ -37,7 +36,6 @@ function playing(index: RecordingIndex, files: RecordingFiles) {
           });
         },
       },
-      loadReader: async () => reader,
       later: new PageClock().later,
     },
   );

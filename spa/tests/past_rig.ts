@@ -1,5 +1,4 @@
 import type { Schema } from '@posecast/wire';
-import type { PastReader } from '../src/past/relay/past_requests.ts';
 import { RelayPast } from '../src/past/relay/relay_past.ts';
 
 /** A page's clock, far from the relay's, whose timers run when it is advanced. */
@@ -55,7 +54,6 @@ export class PastRig {
   #asked: string[] = [];
   hidden = false;
   liveSchema: Schema | null = null;
-  loadReader: () => Promise<PastReader> = () => import('../src/past/relay/past_reader.ts');
   token: string | undefined;
   headers: HeadersInit | undefined;
 
@@ -73,7 +71,6 @@ export class PastRig {
         return Promise.race([answer(init), ended]);
       },
       tokenFor: () => this.token,
-      loadReader: () => this.loadReader(),
       nowMs: () => this.clock.nowMs,
       later: this.clock.later,
       liveSchema: () => this.liveSchema,

@@ -10,7 +10,6 @@ import { PastError } from '../src/past/past_source.ts';
 import type { RecordingFiles } from '../src/past/recording/recording_files.ts';
 import { readIndex } from '../src/past/recording/recording_index.ts';
 import { RecordingPast } from '../src/past/recording/recording_past.ts';
-import * as reader from '../src/past/relay/past_reader.ts';
 import { refOf, SCHEMA, SCHEMA_SHA } from './past_recordings.ts';
 import { PageClock } from './past_rig.ts';
 
@@ -72,7 +71,6 @@ export function opened(files: FilesHere): { source: RecordingPast; clock: PageCl
   const clock = new PageClock();
   const source = new RecordingPast(readIndex(files.files.get('recording.json')!), {
     files,
-    loadReader: async () => reader,
     later: clock.later,
   });
   return { source, clock };

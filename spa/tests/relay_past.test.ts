@@ -462,29 +462,6 @@ describe('a segment', () => {
     expect(await why(other.segmentBytes(ref))).toBe('gone');
   });
 
-  it('waits for its reader, which is fetched beside it', async () => {
-    const rig = withPast();
-    const source = await opened(rig);
-    const order: string[] = [];
-    let came = () => {};
-    rig.loadReader = async () => {
-      order.push('reader');
-      await new Promise<void>((resolve) => {
-        came = resolve;
-      });
-      return import('../src/past/relay/past_reader.ts');
-    };
-    rig.answers.set(path, () => {
-      order.push('segment');
-      return binary(data);
-    });
-    const segment = source.segment(ref);
-    await settled();
-    expect(order).toEqual(['reader', 'segment']);
-    came();
-    expect(await segment).toEqual(held);
-  });
-
   it('that is not what its hash or its length says is damaged', async () => {
     const { source } = await withSegment(() => binary(data));
     expect(await why(source.segment({ ...ref, sha256: sha256('x') }))).toBe('damaged');

@@ -14,7 +14,7 @@ export async function saveFiles(from: string, into: string): Promise<string[]> {
   );
   const span = { fromMs: stage.refs[0]!.fromMs, toMs: stage.refs.at(-1)!.toMs };
   const paths: string[] = [];
-  for (const format of ['csv', 'mcap', 'posecast'] as const) {
+  for (const format of ['csv', 'posecast'] as const) {
     const { blob } = await saveSpan(format, span, stage);
     const file = path.join(into, `page.${format}`);
     writeFileSync(file, await bytesOf(blob));

@@ -125,7 +125,7 @@ describe('the sheet', () => {
     await says('save-outcome', /^Saved: r_2025-11-2\d_[\d-]+\.csv, \d/);
     expect(saved.map(({ name }) => name)).toEqual([expect.stringMatching(/^r_.*\.csv$/)]);
     expect((await saved[0]!.blob.text()).split('\r\n').length).toBe(152);
-    find('save-mcap')!.click();
+    find('save-posecast')!.click();
     await vi.waitFor(() => expect(find('save-outcome')!.dataset.at).toBe('rest'));
   });
 

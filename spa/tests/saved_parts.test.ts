@@ -8,7 +8,7 @@ import type { SaveFormat } from '../src/past/save/save_ports.ts';
 import { FROM_MS, fault, recorded, SCHEMA, type Sending, sent } from './past_recordings.ts';
 import { bytesOf, nameOf, SavedStage, sha256Of } from './saved_stage.ts';
 
-const FORMATS = ['csv', 'mcap', 'posecast'] as const satisfies readonly SaveFormat[];
+const FORMATS = ['csv', 'posecast'] as const satisfies readonly SaveFormat[];
 const MANIFEST = JSON.stringify({
   ...{ v: 2, robot: 'r', levels: [], links: ['trunk', 'arm'], visuals: [] },
   joints: [{ name: 'J0', parent: 0, child: 1, type: 'revolute', axis: [0, 0, 1] }],
@@ -218,7 +218,6 @@ describe('saving', () => {
     for (let i = 0; i < 9000; i++) file.write(piece);
     piece.fill(0); // it had a copy
     file.write('é');
-    expect(file.size).toBe(9_000_002);
     const bytes = await bytesOf(file.blob('x/y'));
     expect([bytes.length, bytes[0], bytes[8_999_999], ...bytes.subarray(-2)]).toEqual([
       9_000_002, 7, 7, 0xc3, 0xa9,

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { afterEach, expect, it } from 'vitest';
-import { bindInsets } from '../src/app/body/controls/stage_insets.ts';
+import { bindInsets } from '../src/app/body/controls/camera_controls.ts';
 import type { Insets } from '../src/view/camera/insets.ts';
 
 /** A stage of 300 px; the elements over it by class, with their range below its top edge. */

@@ -109,6 +109,7 @@ RUN: dict[str, dict[str, str]] = {
     "docs/how-to/scale/redis.md": {"requirepass": "relay/tests/test_redis_page.py", "```sh": SCALE},
     "docs/reference/capacity.md": {"tools.scaling": "tests/test_scaling.py"},
     "docs/reference/past-export.md": {"```sh": RECORD},
+    "docs/how-to/record/save-from-the-page.md": {"```sh": RECORD},
     "docs/reference/profile.md": {"```toml": PROFILES},
     "docs/reference/protocol.md": {
         "curl": "tests/test_protocol.py",

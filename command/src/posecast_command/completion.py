@@ -10,6 +10,7 @@ from posecast_edge.cli import model_command, probe, profile_new
 from posecast_edge.cli import settings as edge
 from posecast_relay.config import robots_command
 from posecast_relay.config import settings as relay
+from posecast_relay.past_command import convert
 from posecast_relay.past_command import main as past
 
 from posecast_command.demo import make_demo_parser
@@ -27,7 +28,11 @@ def make_whole_parser() -> argparse.ArgumentParser:
     profile, probing = profile_new.make_parser(), probe.make_parser()
     agent, serving = edge.make_parser({}), relay.make_parser("posecast relay")
     parts = {"model": models["model"], "doctor": models["doctor"], "probe": probing, "profile": profile}
-    kept = {"robots": robots_command.make_robots_parser({}), "past": past.make_past_parser({})}
+    kept = {
+        "robots": robots_command.make_robots_parser({}),
+        "past": past.make_past_parser({}),
+        "convert": convert.make_convert_parser(),
+    }
     _commands(agent).update(parts)
     _commands(serving).update(kept)
     whole = make_parser()

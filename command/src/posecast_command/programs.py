@@ -15,6 +15,7 @@ RELAY = {
     "relay": "all commands of the relay (posecast-relay)",
     "robots": "set who may publish and watch; make share links",
     "past": "list, export and delete recordings that the relay keeps",
+    "convert": "convert a .posecast file to .mcap or .csv",
 }
 OWN = {
     "demo": "start a relay and a demo robot, and open its page",

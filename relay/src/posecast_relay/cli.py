@@ -1,4 +1,4 @@
-"""`posecast-relay`: reads the settings and runs the relay, or runs the command `robots` or `past`."""
+"""`posecast-relay`: reads the settings and runs the relay, or another of its commands."""
 
 from __future__ import annotations
 
@@ -47,6 +47,11 @@ def _run(argv: Sequence[str], program: str) -> None:
         from posecast_relay.past_command.main import run_past  # noqa: PLC0415 — the same
 
         run_past(argv[1:], os.environ, program)
+        return
+    if argv[:1] == ["convert"]:
+        from posecast_relay.past_command.convert import run_convert  # noqa: PLC0415 — the same
+
+        run_convert(argv[1:], program)
         return
     settings = parse(argv, os.environ, program)
     from posecast_relay.server.process import run  # noqa: PLC0415 — --help and a wrong flag answer at once

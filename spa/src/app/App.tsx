@@ -1,10 +1,9 @@
-import { Suspense, useEffect, useLayoutEffect, useState } from 'react';
+import { useEffect, useLayoutEffect, useState } from 'react';
 import { recordingUrl } from '../relay/recording_address.ts';
 import { relayChoice } from '../relay/relay.ts';
-import { loadList } from './pages/list/index.ts';
 import { closeLocal, listenForDrops, useLocal } from './pages/local/local.ts';
-import { OneRobot, RobotPage } from './pages/RobotPage.tsx';
-import { loadRecording } from './pages/recording/load_recording.ts';
+import { NothingHere } from './pages/NothingHere.tsx';
+import { RobotPage } from './pages/RobotPage.tsx';
 import { ErrorBoundary } from './shell/ErrorBoundary.tsx';
 import { AbsentNotice, late, onDemand } from './shell/late.tsx';
 import { useThemeOnRoot } from './shell/theme.ts';
@@ -14,10 +13,12 @@ import { parseRoute } from './state/route.ts';
 import { useText } from './text/language.ts';
 
 // Loaded on demand: a visitor who opens a robot needs no list.
-const RobotList = late(async () => (await loadList()).RobotList, onDemand);
+const RobotList = late(async () => (await import('./pages/list/RobotList.tsx')).RobotList, onDemand);
 // Few visitors need these pages, so they are loaded when opened.
-const NothingHere = late(async () => (await import('./pages/NothingHere.tsx')).NothingHere, onDemand);
-const RecordingPage = late(async () => (await loadRecording()).RecordingPage, onDemand);
+const RecordingPage = late(
+  async () => (await import('./pages/recording/RecordingPage.tsx')).RecordingPage,
+  onDemand,
+);
 const RowPage = late(async () => (await import('./pages/RowPage.tsx')).RowPage, onDemand);
 const SettingsSheet = late(async () => (await import('./settings/SettingsSheet.tsx')).SettingsSheet);
 const LocalPage = late(async () => (await import('./pages/local/LocalPage.tsx')).LocalPage, onDemand);
@@ -28,14 +29,10 @@ export function App() {
   const openSettings = (link?: RobotLink) => setSheet({ link: link ?? null });
   return (
     <ErrorBoundary>
-      <Suspense>
-        <Page onSettings={openSettings} />
-      </Suspense>
+      <Page onSettings={openSettings} />
       <AbsentNotice />
       <DropNotice />
-      <Suspense>
-        {sheet !== null && <SettingsSheet link={sheet.link} onClose={() => setSheet(null)} />}
-      </Suspense>
+      {sheet !== null && <SettingsSheet link={sheet.link} onClose={() => setSheet(null)} />}
     </ErrorBoundary>
   );
 }
@@ -53,14 +50,20 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
   const place = hash.split('?')[0]; // the query changes as the camera moves
   // biome-ignore lint/correctness/useExhaustiveDependencies: going anywhere leaves what was dropped
   useEffect(() => closeLocal, [place]);
-  const recorded = { Layout: OneRobot, onSettings };
   if (local.phase === 'recording')
-    return <RecordingPage key={local.opened.id} given={local.opened} onClose={closeLocal} {...recorded} />;
+    return (
+      <RecordingPage
+        key={local.opened.id}
+        given={local.opened}
+        onClose={closeLocal}
+        onSettings={onSettings}
+      />
+    );
   const { refused } = relayChoice();
   if (refused !== null) return <NothingHere hash={hash} refused={refused} />;
   if (local.phase === 'shown')
     return <LocalPage key={local.robot.path} robot={local.robot} urdfs={local.urdfs} />;
-  if (isRecording) return <RecordingPage given={null} onClose={null} {...recorded} />;
+  if (isRecording) return <RecordingPage given={null} onClose={null} onSettings={onSettings} />;
   switch (route.page) {
     case 'list':
       return <RobotList onSettings={() => onSettings()} />;

@@ -1,5 +1,3 @@
-import { LatePart } from '../browser/late_part.ts';
-import type { FacetNumbers } from '../overlays/facet_numbers.ts';
 import type { LabelPlace } from '../overlays/labels.ts';
 import type { Strokes } from '../overlays/strokes.ts';
 import type { CameraRig } from '../view/camera/camera_rig.ts';
@@ -12,11 +10,6 @@ import type { LightRobot } from './robot.ts';
 import { applyStaleEffect } from './stale_effect.ts';
 
 const SHADOW_PART = 4;
-/** Needed only while balance is shown. */
-const FACETS = new LatePart(
-  () => import('./facet_painter.ts'),
-  () => false,
-);
 
 /** One robot of a picture. */
 export interface PaintedRobot {
@@ -29,7 +22,6 @@ export interface PaintedRobot {
 export interface Picture {
   readonly robots: readonly PaintedRobot[];
   readonly strokes: Strokes;
-  readonly facets: FacetNumbers | null;
   readonly tones: LightColors;
   /** Rasterised pixels per CSS pixel, for the meshes. */
   readonly ratio: number;
@@ -37,12 +29,10 @@ export interface Picture {
   readonly fine: boolean;
 }
 
-/** Paints pictures on a canvas, layer by layer: floor, shadows, strokes on the floor, meshes, strokes over the robot.
- *  */
+/** Paints pictures on a canvas, layer by layer: floor, shadows, strokes on the floor, meshes, strokes over the robot. */
 export class LightPainter {
   readonly canvas = document.createElement('canvas');
   readonly #camera: CameraRig;
-  readonly #changed: () => void;
   readonly #context: CanvasRenderingContext2D;
   readonly #floor = document.createElement('canvas');
   readonly #shadows = document.createElement('canvas');
@@ -55,11 +45,9 @@ export class LightPainter {
   #width = 0;
   #height = 0;
 
-  /** `changed` is called when the next picture would look different. Throws an Error with a message for people when the browser
-   *  has no 2D canvas. */
-  constructor(eye: CameraRig, changed: () => void) {
+  /** Throws an Error with a message for people when the browser has no 2D canvas. */
+  constructor(eye: CameraRig) {
     this.#camera = eye;
-    this.#changed = changed;
     const context = this.canvas.getContext('2d', { alpha: false });
     if (context === null)
       throw new Error('This browser can’t draw on a canvas. The table shows all readings.');
@@ -86,7 +74,7 @@ export class LightPainter {
 
   /** Draws a picture; returns how many triangles were on the screen. */
   paint(picture: Picture): number {
-    const { robots, strokes, facets, tones } = picture;
+    const { robots, strokes, tones } = picture;
     const context = this.#context;
     const { width, height } = this.canvas;
     const view = this.#floorView(width, height);
@@ -96,12 +84,10 @@ export class LightPainter {
     if (figures.length === 0) return 0;
     const ratio = width / this.#width;
     this.#paintShadows(figures, tones);
-    if (facets !== null) this.#paintFacets(view, facets, false);
     paintStrokes(context, view, ratio, strokes, false);
-    if (!facets?.count) paintAxes(context, view); // a red axis between balance signs would look like a warning
+    paintAxes(context, view);
     const triangles = this.#paintShells(picture);
     for (const figure of figures) if (!figure.dressed) this.#paintBones(figure, view, tones);
-    if (facets !== null) this.#paintFacets(view, facets, true);
     paintStrokes(context, view, ratio, strokes, true);
     return triangles;
   }
@@ -118,12 +104,6 @@ export class LightPainter {
   /** The link under a point of the canvas, CSS px, or null. */
   pick(robot: LightRobot, x: number, y: number): string | null {
     return robot.pick(x, y, this.#floorView(this.#width, this.#height).screenFromWorld);
-  }
-
-  #paintFacets(view: FloorView, facets: FacetNumbers, over: boolean): void {
-    const painter = FACETS.value();
-    if (painter === null) FACETS.load().then(this.#changed);
-    else painter.paintFacets(this.#context, view, facets, over);
   }
 
   #floorView(width: number, height: number): FloorView {

@@ -1,16 +1,10 @@
-import type { MouseStyle } from '../view/body_view.ts';
 import type { CameraRig } from '../view/camera/camera_rig.ts';
 
 /** Relative change of the distance per pixel of wheel scrolling. */
 const ZOOM_PER_PIXEL = 0.0012;
 
-/** Handles pointers on a canvas: one finger or the left button turns, two fingers or any other button pan (`foxglove`:
- *  the buttons are swapped), pinch and wheel zoom towards where they point. Returns a function that stops it. */
-export function attachPointerInput(
-  canvas: HTMLCanvasElement,
-  eye: CameraRig,
-  mouse: () => MouseStyle,
-): () => void {
+/** Handles pointers on a canvas: one finger or the left button turns, two fingers or any other button pan, pinch and wheel zoom towards where they point. Returns a function that stops it. */
+export function attachPointerInput(canvas: HTMLCanvasElement, eye: CameraRig): () => void {
   const fingers = new Map<number, { x: number; y: number }>();
   const leave = new AbortController();
   const { signal } = leave;
@@ -41,8 +35,8 @@ export function attachPointerInput(
         const gap = (p: { x: number; y: number }) => Math.max(1, Math.hypot(p.x - other.x, p.y - other.y));
         eye.pan(dx / 2, dy / 2);
         eye.zoom(gap(before) / gap(now), (now.x + other.x) / 2, (now.y + other.y) / 2);
-      } else if (event.pointerType !== 'mouse') eye.drag(dx, dy);
-      else if (((event.buttons & 1) === 0 || event.shiftKey) !== (mouse() === 'foxglove')) eye.pan(dx, dy);
+      } else if (event.pointerType === 'mouse' && ((event.buttons & 1) === 0 || event.shiftKey))
+        eye.pan(dx, dy);
       else eye.drag(dx, dy);
     },
     { signal },

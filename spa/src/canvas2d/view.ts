@@ -3,7 +3,7 @@ import { prefersReducedMotion } from '../browser/reduced_motion.ts';
 import { Overlay } from '../overlays/overlay.ts';
 import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
-import type { MouseStyle, SeenOverlay } from '../view/body_view.ts';
+import type { SeenOverlay } from '../view/body_view.ts';
 import { CameraRig } from '../view/camera/camera_rig.ts';
 import type { NodeHost } from '../view/figure_node.ts';
 import { RobotRow, topOf } from '../view/robot_row.ts';
@@ -33,20 +33,21 @@ export interface LightOptions {
  */
 export class LightView extends RowStage<LightRobotNode> {
   protected override readonly row = new RobotRow<LightRobotNode>();
+  /** Signs of balance are filled triangles, and this view draws only strokes. */
+  readonly drawsBalance = false;
   readonly #host: HTMLElement;
   protected override readonly rig = new CameraRig({
     nearest: NEAREST,
     still: prefersReducedMotion,
     changed: () => this.loop.request(),
   });
-  readonly #painter = new LightPainter(this.rig, () => this.loop.request());
+  readonly #painter = new LightPainter(this.rig);
   readonly #sharpness = new AdaptiveResolution();
   readonly #overlay: Overlay;
   readonly #resizes: ResizeObserver;
   readonly #letGo: () => void;
   readonly #onSlow: (slow: boolean) => void;
   readonly #onDrawn: () => void;
-  #mouse: MouseStyle = 'orbit';
   #tones: LightColors;
   #triangles = 0;
   #pictureMs = 0;
@@ -67,7 +68,7 @@ export class LightView extends RowStage<LightRobotNode> {
     const { canvas } = this.#painter;
     host.append(canvas);
     this.#overlay = new Overlay(host, this.#tones.signs);
-    this.#letGo = attachPointerInput(canvas, this.rig, () => this.#mouse);
+    this.#letGo = attachPointerInput(canvas, this.rig);
     this.addRobot();
     this.loop.add({ advance: (seconds) => this.#advance(seconds) });
     this.#resizes = new ResizeObserver(() => this.#resize());
@@ -119,12 +120,8 @@ export class LightView extends RowStage<LightRobotNode> {
   }
 
   showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.robot): void {
-    this.#overlay.show(of, readings, manner);
+    this.#overlay.show(of, readings, manner && { ...manner, balance: null });
     this.loop.wake();
-  }
-
-  setMouse(style: MouseStyle): void {
-    this.#mouse = style;
   }
 
   pick(clientX: number, clientY: number): string | null {
@@ -185,7 +182,6 @@ export class LightView extends RowStage<LightRobotNode> {
     this.#triangles = this.#painter.paint({
       robots: this.robots,
       strokes: this.#overlay.strokes,
-      facets: this.#overlay.facets,
       tones: this.#tones,
       ratio: this.#sharpness.ratio(Math.max(1, window.devicePixelRatio), fine),
       fine,

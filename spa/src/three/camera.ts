@@ -1,7 +1,6 @@
-import { MOUSE, PerspectiveCamera, Ray } from 'three';
+import { PerspectiveCamera, Ray } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { prefersReducedMotion } from '../browser/reduced_motion.ts';
-import type { MouseStyle } from '../view/body_view.ts';
 import { CameraRig } from '../view/camera/camera_rig.ts';
 import { FIELD_OF_VIEW } from '../view/camera/framing.ts';
 import { LOWEST } from '../view/camera/rig_options.ts';
@@ -40,15 +39,7 @@ export class SceneCamera {
     this.#apply();
   }
 
-  /** Sets what the mouse buttons do. On touch screens, one finger always rotates, and two pan and zoom. */
-  setMouse(style: MouseStyle): void {
-    const turning = { LEFT: MOUSE.ROTATE, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.PAN };
-    const moving = { LEFT: MOUSE.PAN, MIDDLE: MOUSE.DOLLY, RIGHT: MOUSE.ROTATE };
-    this.#controls.mouseButtons = style === 'foxglove' ? moving : turning;
-    this.#controls.screenSpacePanning = style !== 'foxglove'; // there one moves over the floor
-  }
-
-  /** Pans the world by this many CSS pixels, along the floor or in the picture plane, depending on the mouse style. */
+  /** Pans the world by this many CSS pixels, in the picture plane. */
   pan(dx: number, dy: number): void {
     this.rig.grasp();
     this.#controls.pan(dx, dy);

@@ -6,7 +6,7 @@ import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { LocalRobot } from '../urdf/local_robot.ts';
 import { AdaptiveQuality, type DrawingTrouble } from '../view/adaptive_quality.ts';
-import type { MouseStyle, SeenOverlay } from '../view/body_view.ts';
+import type { SeenOverlay } from '../view/body_view.ts';
 import type { CameraRig } from '../view/camera/camera_rig.ts';
 import type { NodeHost } from '../view/figure_node.ts';
 import type { QualityStep } from '../view/quality_steps.ts';
@@ -42,6 +42,7 @@ export interface SceneOptions {
 export class RobotScene extends RowStage<RobotNode> {
   protected override readonly row = new SceneRow();
   protected override readonly rig: CameraRig;
+  readonly drawsBalance = true;
   readonly #scene = new Scene();
   readonly #surface: SceneCanvas;
   readonly #camera: SceneCamera;
@@ -179,13 +180,9 @@ export class RobotScene extends RowStage<RobotNode> {
     return this.robot.refine(onProgress);
   }
 
-  /** Pans the world along the floor or in the picture plane, depending on the mouse style. */
+  /** Pans the world in the picture plane. */
   override pan(dx: number, dy: number): void {
     this.#camera.pan(dx, dy);
-  }
-
-  setMouse(style: MouseStyle): void {
-    this.#camera.setMouse(style);
   }
 
   pick(clientX: number, clientY: number): string | null {

@@ -1,16 +1,15 @@
 /** The balance signs; loaded on demand. */
 import { BalanceOverlay } from '../overlays/balance/balance_overlay.ts';
 import { Facets } from '../overlays/balance/facets.ts';
-import type { DrawJointLimits } from '../overlays/balance/joint_arc.ts';
 import type { BalancePicture } from '../overlays/balance_drawing.ts';
 
-/** Creates the object that draws the balance of all robots in one picture. `jointLimits`: see `BalanceOverlay`. */
-export function makeBalance(jointLimits: () => DrawJointLimits | null): BalancePicture {
+/** Creates the object that draws the balance of all robots in one picture. */
+export function makeBalance(): BalancePicture {
   const facets = new Facets();
   return {
     facets,
     begin: () => facets.begin(),
     end: () => facets.end(),
-    addRobot: () => new BalanceOverlay(facets, jointLimits),
+    addRobot: () => new BalanceOverlay(facets),
   };
 }

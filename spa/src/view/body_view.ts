@@ -20,9 +20,6 @@ export interface PoseSource {
   setContinuous(joints: readonly string[]): void;
 }
 
-/** What the mouse buttons do. `orbit`: left rotates, right pans; `foxglove`: left pans along the floor, right rotates. */
-export type MouseStyle = 'orbit' | 'foxglove';
-
 /** Which of a robot's signs are visible now, for tests and the debug interface. */
 export type SeenOverlay = ShownOverlay & {
   /** The visible links of the ghost. */
@@ -91,8 +88,9 @@ export interface BodyView extends OverlaidBody {
   pan(dx: number, dy: number): void;
   /** Scales the distance to the target; a factor below 1 moves closer. */
   zoom(factor: number): void;
-  setMouse(style: MouseStyle): void;
   setFollow(mode: FollowMode): void;
+  /** Whether it draws the signs of balance. */
+  readonly drawsBalance: boolean;
   /** The link under a point of the window (CSS pixels), or null. */
   pick(clientX: number, clientY: number): string | null;
   /** The kinematic tree of the model; null until it is loaded. */

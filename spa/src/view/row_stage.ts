@@ -6,7 +6,7 @@ import type { OverlayStyle } from '../overlays/robot_overlay.ts';
 import type { KinematicTree } from '../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../twin/overlay/reader.ts';
 import type { Pose } from '../twin/playback/pose.ts';
-import type { MouseStyle, PoseSource, RowView, SeenOverlay } from './body_view.ts';
+import type { PoseSource, RowView, SeenOverlay } from './body_view.ts';
 import type { CameraRig, EyePlace, FollowMode } from './camera/camera_rig.ts';
 import type { ViewName } from './camera/framing.ts';
 import type { Insets } from './camera/insets.ts';
@@ -23,11 +23,11 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
 
   abstract readonly resting: boolean;
   abstract readonly drawCalls: number;
+  abstract readonly drawsBalance: boolean;
   abstract readonly triangles: number;
   abstract readonly finerBytes: number | null;
   abstract refine(onProgress: OnProgress): Promise<void>;
   abstract setTheme(name: 'dark' | 'light'): void;
-  abstract setMouse(style: MouseStyle): void;
   abstract pick(clientX: number, clientY: number): string | null;
   abstract showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of?: N): void;
   abstract signsOf(robot: N): SeenOverlay;

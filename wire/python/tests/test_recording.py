@@ -23,7 +23,7 @@ from posecast_wire.recording import (
     segment_path,
     unpack_segment,
 )
-from posecast_wire.segment import Segment, SegmentError, SegmentStart
+from posecast_wire.segment import SegmentError, SegmentStart
 
 from wire.python.tools.make_recording_vectors import FROM_MS, MODEL, RUN, SCHEMA, TAKE, joined, shown
 
@@ -122,11 +122,11 @@ def test_bytes_that_are_no_text() -> None:
 def test_another_segment_than_its_place_says_is_told() -> None:
     found = recording()
     start = SegmentStart("hubo", "public", int(TAKE, 16), 1, int(RUN, 16), FROM_MS + 4000, SCHEMA)
-    check_segment(found, found.segments[1], Segment(start, FROM_MS + 8000, ()))
+    check_segment(found, found.segments[1], start)
     for other in ({"robot": "baxter"}, {"view": "lab"}, {"take": 7}, {"index": 2}):
         swapped = dataclasses.replace(start, **other)
         with pytest.raises(RecordingError) as caught:
-            check_segment(found, found.segments[1], Segment(swapped, FROM_MS + 8000, ()))
+            check_segment(found, found.segments[1], swapped)
         named = f"{swapped.robot}/{swapped.view}, take {swapped.take:016x}, index {swapped.index}"
         assert str(caught.value) == f"segments/{TAKE}/1.segment: is of {named}"
 

@@ -109,7 +109,7 @@ class Access:
         refusal = self.find_refusal(applicant)
         if refusal is not None and refusal.at_door:
             return refusal
-        address = self.addresses.enter(peer, forwarded, applicant.is_preview)
+        address = self.addresses.enter(peer, forwarded)
         if address is not None:
             return address
         crowded = self.judge(replace(applicant, is_crowded=True))
@@ -204,7 +204,7 @@ class Access:
     def tell_full(self, viewer: Viewer, lane: str | None) -> None:
         """Log that the relay is full and what viewers get instead. Logs each reason once."""
         why = None if lane else self._explain_no_lane(viewer)
-        if viewer.is_preview or why in self._told_full:
+        if why in self._told_full:
             return
         self._told_full.add(why)
         fate = "are sent to its lane" if why is None else f"are refused, without a lane, because {why}"
@@ -236,7 +236,7 @@ class Access:
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, refusal.close, refusal.reason))
 
     def _judge_again(self, dispatcher: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
-        found = self.judge(Applicant(viewer.robot, viewer.asked_view, who=who, is_preview=viewer.is_preview))
+        found = self.judge(Applicant(viewer.robot, viewer.asked_view, who=who))
         if isinstance(found, Refusal):
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, found.close, found.reason))
         else:

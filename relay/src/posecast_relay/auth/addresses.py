@@ -63,17 +63,14 @@ def _parse_address(text: str) -> Address | None:
 
 
 class Addresses:
-    """Counts streams by address, and allows at most `most` streams for each.
-
-    Previews are counted separately, so that they take no place from viewers.
-    """
+    """Counts streams by address, and allows at most `most` streams for each."""
 
     def __init__(self, most: int, trusted: Sequence[Network] = ()) -> None:
         self.most = most
         self.trusted = trusted
         self._open: Counter[str] = Counter()
 
-    def enter(self, peer: str, forwarded: str | None, is_preview: bool = False) -> str | None:
+    def enter(self, peer: str, forwarded: str | None) -> str | None:
         """Count a stream and return the name to pass to `leave`; None if its address is at the limit.
 
         This machine has no limit, because all viewers may come through a local proxy that was not configured.
@@ -81,8 +78,6 @@ class Addresses:
         address = find_real_address(peer, forwarded, self.trusted)
         if address.startswith("127.") or address == OWN_V6:
             return ""
-        if is_preview:
-            address += " (previews)"
         if self._open[address] >= self.most:
             return None
         self._open[address] += 1
@@ -97,7 +92,7 @@ class Addresses:
             del self._open[address]
 
     def __len__(self) -> int:
-        """How many addresses have streams. An address with streams and previews counts twice."""
+        """How many addresses have streams."""
         return len(self._open)
 
 

@@ -282,7 +282,7 @@ class _Parser(CommandParser):
 
 
 def make_parser(program: str) -> CommandParser:
-    """Make the parser of the program; `robots` and `past` have separate ones."""
+    """Make the parser of the program; `robots`, `past` and `convert` have separate ones."""
     parser = _Parser(
         prog=program,
         description="Sends the latest state of robots to thousands of viewers. It never commands a robot.",
@@ -290,9 +290,10 @@ def make_parser(program: str) -> CommandParser:
         version=True,
         statuses=STATUSES,
     )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="run|robots|past|convert")
     commands.add_parser("robots", help="decide who can publish and watch: robots add|set|edit|check|…")
     commands.add_parser("past", help="use the recorded past: past list|export|delete")
+    commands.add_parser("convert", help="convert a .posecast file to .mcap or .csv")
     run = commands.add_parser(
         "run", help="run the relay until SIGTERM or Ctrl-C", allow_abbrev=False, statuses=STATUSES
     )

@@ -43,10 +43,8 @@ from posecast_relay.core.messages import make_conflict_event, read_edge_message
 from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.policy import (
     DRAIN_RETRY_S,
-    FULL,
     GOING,
     PUBLIC,
-    ROBOT_FULL,
     Grant,
     Occupancy,
     Refusal,
@@ -74,19 +72,15 @@ class Headcount:
     """Counts the viewers of all hubs in one process, which share one limit."""
 
     def __init__(self) -> None:
-        self._hubs: list[tuple[Sized, Sized]] = []
+        self._hubs: list[Sized] = []
 
-    def include(self, viewers: Sized, previews: Sized) -> None:
-        """Add a hub's viewers, and the previews among them. Their sizes are read at every count."""
-        self._hubs.append((viewers, previews))
+    def include(self, viewers: Sized) -> None:
+        """Add a hub's viewers. Their number is read at every count."""
+        self._hubs.append(viewers)
 
     def count_viewers(self) -> int:
-        """Return how many viewers all hubs have now, previews included."""
-        return sum(len(viewers) for viewers, _ in self._hubs)
-
-    def count_previews(self) -> int:
-        """Return how many of them are previews."""
-        return sum(len(previews) for _, previews in self._hubs)
+        """Return how many viewers all hubs have now."""
+        return sum(map(len, self._hubs))
 
 
 class Hub:
@@ -106,11 +100,8 @@ class Hub:
         self.publishers = 0  # of the robots, those that have sent something
         self.viewers: dict[Viewer, Room] = {}
         self.admitted: Counter[tuple[str, str]] = Counter()  # viewers by robot and audience
-        self.previews: dict[Viewer, None] = {}  # of the viewers, in the order in which they joined
-        self.admitted_previews: Counter[tuple[str, str]] = Counter()  # previews by robot and audience
-        self.headcount.include(self.viewers, self.previews)
+        self.headcount.include(self.viewers)
         self.endings: Counter[int] = Counter()  # of viewers, by close code
-        self.preview_endings: Counter[int] = Counter()  # of previews, by close code, counted separately
         self.sent_to_lane = 0  # of the viewers that were refused
         self._retry_pace = RetryPace()
         self.delivered = 0  # by rooms that are gone
@@ -173,9 +164,6 @@ class Hub:
         """Count a viewer, which is about to join this room."""
         if viewer.grant is not None:
             self.admitted[viewer.robot, viewer.grant.by] += 1
-            self.admitted_previews[viewer.robot, viewer.grant.by] += viewer.is_preview
-        if viewer.is_preview:
-            self.previews[viewer] = None
         self.viewers[viewer] = room
 
     def remove_viewer(self, viewer: Viewer) -> None:
@@ -184,10 +172,8 @@ class Hub:
         if room is None:
             return
         room.leave(viewer)
-        self.previews.pop(viewer, None)
         if viewer.grant is not None:
             self.admitted[viewer.robot, viewer.grant.by] -= 1
-            self.admitted_previews[viewer.robot, viewer.grant.by] -= viewer.is_preview
         robot = self.robots.get(viewer.robot)
         if robot is not None and robot.heard_at is None and not robot.has_viewers():
             self.drop_robot(robot)
@@ -456,9 +442,8 @@ class Hub:
         occupancy = self._count_occupancy(grant)
         refusal = find_no_room(grant, occupancy)
         if refusal is not None:
-            told = self.count_refusal(refusal, viewer.is_preview, now)
+            told = self.count_refusal(refusal, now)
             return [CloseConnection(viewer, told.close, told.reason, told.retry_s, told.lane)]
-        out = [] if viewer.is_preview else self._make_room(grant, occupancy)
         viewer.set_rate(min(viewer.asked_hz, self.load.ceiling_hz))
         robot = self.robots.get(viewer.robot)
         if robot is None:  # the robot may appear later; bounded by the number of viewers
@@ -468,7 +453,7 @@ class Hub:
         self.statuses.setdefault(room, robot.compute_status(room, now))
         room.set_degraded(self.degraded or robot.degraded)
         watch: list[Action] = [] if robot.has_viewers() else [SubscribeRobot(robot.name)]
-        return [*out, room.join(viewer, robot.compute_status(room, now), now, unix_s), *watch]
+        return [room.join(viewer, robot.compute_status(room, now), now, unix_s), *watch]
 
     def _count_occupancy(self, grant: Grant | None) -> Occupancy:
         by = None if grant is None else (grant.robot, grant.by)
@@ -476,24 +461,8 @@ class Hub:
             viewers=self.headcount.count_viewers(),
             viewers_max=self.limits.viewers,
             of_audience=0 if by is None else self.admitted[by],
-            previews=self.headcount.count_previews(),
-            previews_of_audience=0 if by is None else self.admitted_previews[by],
             is_draining=self.draining is not None,
         )
-
-    def _make_room(self, grant: Grant | None, occupancy: Occupancy) -> list[Action]:
-        """End the oldest preview to make room for a viewer. If the robot's limit is reached, it is one of
-        that robot."""
-        if grant is not None and grant.viewers is not None and occupancy.of_audience >= grant.viewers:
-            by = grant.robot, grant.by
-            here = (each for each in self.previews if each.grant and (each.robot, each.grant.by) == by)
-            return self._end_preview(next(here, None), ROBOT_FULL)
-        if occupancy.viewers >= occupancy.viewers_max:  # another hub ends its previews in its next sweep
-            return self._end_preview(next(iter(self.previews), None), FULL)
-        return []
-
-    def _end_preview(self, preview: Viewer | None, why: Refusal) -> list[Action]:
-        return [] if preview is None else self.end_viewer(preview, why.close, why.reason, why.retry_s)
 
     def take_message(self, viewer: Viewer, payload: bytes, now: float) -> list[Action]:
         """Handle a text message from a viewer. An invalid message, or too many, end the connection."""
@@ -681,7 +650,7 @@ class Hub:
         close = viewer.find_overdue(now)
         if close is not None:
             self.remove_viewer(viewer)
-            self.count_ending(close, viewer.is_preview)
+            self.count_ending(close)
             return [Abort(viewer, close)]
         if now >= viewer.expires_at:
             return self.end_viewer(viewer, Close.TOKEN, EXPIRED, None)
@@ -698,12 +667,6 @@ class Hub:
             out += self.guard(viewer, partial(self._check_deadlines, viewer, now, pings))
         if pings:
             out.append(Send(messages.PING, pings))
-        for preview in tuple(self.previews):  # another hub took their places, or a limit was lowered
-            grant = preview.grant
-            if self.headcount.count_viewers() > self.limits.viewers:
-                out += self._end_preview(preview, FULL)
-            elif grant and grant.viewers and self.admitted[grant.robot, grant.by] > grant.viewers:
-                out += self._end_preview(preview, ROBOT_FULL)
         self._sweeps += 1
         is_full = self.publishers >= self.limits.robots
         if is_full or self._sweeps % FORGET_EVERY == 0:
@@ -756,26 +719,26 @@ class Hub:
                 out.append(Fault(where, e))
                 if room is not None:
                     room.evict(viewer)
-            self.count_ending(Close.INTERNAL_ERROR, viewer.is_preview)
+            self.count_ending(Close.INTERNAL_ERROR)
             out.append(CloseConnection(viewer, Close.INTERNAL_ERROR, "internal error of the relay", None))
         return out
 
     def end_viewer(self, viewer: Viewer, close: Close, reason: str, retry_s: float | None) -> list[Action]:
         """Remove a viewer, count the reason, and close its connection."""
         self.remove_viewer(viewer)
-        self.count_ending(close, viewer.is_preview)
+        self.count_ending(close)
         return [CloseConnection(viewer, close, reason, retry_s)]
 
-    def count_ending(self, close: int, is_preview: bool) -> None:
-        """Count that a viewer was disconnected or refused, by close code. Previews are counted separately."""
-        (self.preview_endings if is_preview else self.endings)[close] += 1
+    def count_ending(self, close: int) -> None:
+        """Count that a viewer was disconnected or refused, by close code."""
+        self.endings[close] += 1
 
-    def count_refusal(self, refusal: Refusal, is_preview: bool, now: float) -> Refusal:
+    def count_refusal(self, refusal: Refusal, now: float) -> Refusal:
         """Count a refusal by close code, and whether it names the lane.
 
         Returns what to send: if many viewers are sent to the lane, a longer time until they retry.
         """
-        self.count_ending(refusal.close, is_preview)
+        self.count_ending(refusal.close)
         if refusal.lane is None or refusal.retry_s is None:
             return refusal
         self.sent_to_lane += 1
@@ -786,7 +749,7 @@ class Hub:
         for action in actions:
             if isinstance(action, CloseConnection):
                 self.remove_viewer(action.viewer)
-                self.count_ending(action.close, action.viewer.is_preview)
+                self.count_ending(action.close)
         return actions
 
 

@@ -92,7 +92,6 @@ class Grant:
     viewers: int | None
     by: Audience
     who: Principal
-    is_preview: bool = False  # a card in a list: not counted as a viewer, and the first to be dropped
     past_s: float = 0.0  # how far back from what is shown live; 0: no past
     lane: str | None = None  # where they read on if the relay is full
 
@@ -403,7 +402,6 @@ HIDDEN = "no such robot, or you may not see it"
 GOING = "the relay is being replaced"
 FULL_RETRY_S = 30.0
 DRAIN_RETRY_S = 0.5  # viewers leave a few at a time, so their return is already spread
-PREVIEW_HZ = 1.0
 
 
 @dataclass(frozen=True)
@@ -467,8 +465,6 @@ class Occupancy:
     viewers: int
     viewers_max: int
     of_audience: int = 0  # under the same audience's rule for the same robot
-    previews: int = 0  # of these, those that give way to a viewer
-    previews_of_audience: int = 0
     is_draining: bool = False
 
 
@@ -483,7 +479,6 @@ class Applicant:
     is_crowded: bool = False  # their address has reached its limit of streams
     bad_name: str | None = None  # why this name of a robot or view is invalid
     who: Principal | Close | None = None  # None: not known yet; a close code: why it can't be known
-    is_preview: bool = False  # they want an occasional frame, and give way to viewers
 
 
 def admit(applicant: Applicant, policy: Policy, has_past: bool = False) -> Grant | Refusal | None:
@@ -508,16 +503,14 @@ def admit(applicant: Applicant, policy: Policy, has_past: bool = False) -> Grant
         found = applicant.who
     elif applicant.who is not None and applicant.robot is not None:
         found = policy.judge(applicant.who, applicant.robot, applicant.view)
-    if applicant.is_preview and isinstance(found, Grant):
-        found = replace(found, hz=min(found.hz, PREVIEW_HZ), is_preview=True, past_s=0.0)
     if has_past and isinstance(found, Grant):
         found = replace(found, lane=_find_lane(applicant, policy))
     return REFUSALS[found] if isinstance(found, Close) else found
 
 
 def _find_lane(applicant: Applicant, policy: Policy) -> str | None:
-    """Return the lane of the public part of what they ask for. A picture in a list has no lane."""
-    if applicant.robot is None or applicant.bad_name is not None or applicant.is_preview:
+    """Return the lane of the public part of what they ask for."""
+    if applicant.robot is None or applicant.bad_name is not None:
         return None
     return find_lane(policy, applicant.robot, applicant.view)
 
@@ -526,18 +519,14 @@ def find_no_room(grant: Grant | None, occupancy: Occupancy) -> Refusal | None:
     """Return why a viewer who may watch can't join now; None if there is room. `grant` None: none was
     requested.
 
-    A viewer may take the place of a preview: the hub then ends one. A preview may only take a free place.
     This is the last step of admission. It is a separate function because only a hub counts viewers, and only
     at that moment. A viewer that is refused only by the limit of the whole relay is sent the lane, if there
     is one.
     """
     if occupancy.is_draining:
         return DRAINING
-    stays = grant is not None and grant.is_preview
-    here = occupancy.viewers - (0 if stays else occupancy.previews)
-    of_audience = occupancy.of_audience - (0 if stays else occupancy.previews_of_audience)
-    is_capped = grant is not None and grant.viewers is not None and of_audience >= grant.viewers
-    if here >= occupancy.viewers_max:
+    is_capped = grant is not None and grant.viewers is not None and occupancy.of_audience >= grant.viewers
+    if occupancy.viewers >= occupancy.viewers_max:
         lane = None if grant is None or is_capped else grant.lane
         return FULL if lane is None else replace(FULL, lane=lane)
     return ROBOT_FULL if is_capped else None

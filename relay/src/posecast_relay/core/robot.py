@@ -444,5 +444,5 @@ class Robot:
         return any(room.viewers for room in self.rooms.values())
 
     def count_viewers(self) -> int:
-        """Return how many viewers it has in all views, not counting previews."""
-        return sum(len(room.viewers) - len(room.previews) for room in self.rooms.values())
+        """Return how many viewers it has in all views."""
+        return sum(len(room.viewers) for room in self.rooms.values())

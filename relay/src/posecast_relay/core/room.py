@@ -77,7 +77,6 @@ class Room:
         self.stream = Stream(robot, view, limits)
         self.limits = limits
         self.viewers: dict[Viewer, None] = {}
-        self.previews: set[Viewer] = set()  # of the viewers
         self.groups: dict[float, RateGroup] = {}
         self.delivered = 0  # frames times viewers
         self.skipped = 0  # likewise: frames due to viewers that could not take them
@@ -95,8 +94,6 @@ class Room:
         """
         stream = self.stream
         self.viewers[viewer] = None
-        if viewer.is_preview:
-            self.previews.add(viewer)
         parts = [
             messages.make_hello(
                 *(unix_s, stream.robot, stream.view, viewer.hz, stream.model, self.limits),
@@ -117,7 +114,7 @@ class Room:
             if group.frame is None:
                 self._record_sent(group, stream.newest, now)
         unasked = sum(map(len, parts))
-        for event in () if viewer.is_preview else stream.events:
+        for event in stream.events:
             if viewer.speaks and unasked >= self.limits.ping_bytes:  # lets a slow reader prove that it reads
                 parts.append(messages.PING)
                 unasked = 0
@@ -130,13 +127,11 @@ class Room:
     def leave(self, viewer: Viewer) -> None:
         """Remove a viewer. Does nothing if it is already gone."""
         self.viewers.pop(viewer, None)
-        self.previews.discard(viewer)
         self._exit(viewer)
 
     def evict(self, viewer: Viewer) -> None:
         """Remove a viewer from every group, after `leave` has failed."""
         self.viewers.pop(viewer, None)
-        self.previews.discard(viewer)
         for group in self.groups.values():
             group.viewers.pop(viewer, None)
             group.behind.discard(viewer)
@@ -302,12 +297,10 @@ class Room:
         return [Send(stream.make_description(held), viewers) for held, viewers in ready.items()]
 
     def send_event(self, event: Event) -> list[Action]:
-        """Send an event to all viewers except previews, at once or through their reliable queue."""
+        """Send an event to all viewers, at once or through their reliable queue."""
         ready: list[Viewer] = []
         out: list[Action] = []
         for viewer in tuple(self.viewers):
-            if viewer in self.previews:
-                continue
             if viewer.blocked:
                 out += self._enqueue(viewer, event.packed)
             else:

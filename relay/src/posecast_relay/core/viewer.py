@@ -284,11 +284,6 @@ class Viewer(FlowControl):
 
     # ---- identity and rate ------------------------------------------------
 
-    @property
-    def is_preview(self) -> bool:
-        """Whether it is a card in a list: it is not counted as a viewer and gets no events."""
-        return self.grant is not None and self.grant.is_preview
-
     def set_number(self, number: int) -> None:
         """Set the number of its connection, assigned by the hub."""
         self.number = number

@@ -102,15 +102,15 @@ class TableLosses:
 class TableReader:
     """Reads the table of segments.
 
-    `segments`: a name to tell of each, and its bytes, by the moment at which they begin; `schemas`: their
-    texts by SHA-256 (64 hexadecimal digits); `from_ms`, `to_ms`: unix, only what came in between counts, the
-    ends included. What can't be read is passed over and counted in `losses`; `held` knows the time that rows
-    cover.
+    `segments`: a name to tell of each, and its bytes or why it can't be read, by the moment at which they
+    begin; `schemas`: their texts by SHA-256 (64 hexadecimal digits); `from_ms`, `to_ms`: unix, only what came
+    in between counts, the ends included. What can't be read is passed over and counted in `losses`; `held`
+    knows the time that rows cover.
     """
 
     def __init__(
         self,
-        segments: Iterable[tuple[str, bytes]],
+        segments: Iterable[tuple[str, bytes | SegmentError]],
         schemas: Mapping[str, str],
         from_ms: int = 0,
         to_ms: int = YEARS_MS,
@@ -143,6 +143,8 @@ class TableReader:
     def _read_all(self) -> Iterator[TableRow | TableEvent]:
         for name, data in self._segments:
             try:
+                if isinstance(data, SegmentError):
+                    raise data
                 segment = decode_segment(data)
                 if segment.to_ms > YEARS_MS:
                     raise SegmentError("from: beyond the year 9999")

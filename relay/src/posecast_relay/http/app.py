@@ -108,7 +108,7 @@ def make_app(
 
     @app.get(
         API + "/{robot}/live.sse",
-        summary="Stream the state as server-sent events: hz, view, format=json, preview=1",
+        summary="Stream the state as server-sent events: hz, view, format=json",
         response_class=Response,
         responses=EVENTS,
     )

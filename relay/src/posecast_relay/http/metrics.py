@@ -152,13 +152,9 @@ class RelayCollector(Collector):
         hub = self._dispatcher.hub
         everywhere = [robot for each in self._hubs for robot in list(each.robots.values())]
         rooms = [room for robot in everywhere for room in list(robot.rooms.values())]
-        previews = sum(len(each.previews) for each in self._hubs)
-        viewers = sum(len(each.viewers) for each in self._hubs) - previews
+        viewers = sum(len(each.viewers) for each in self._hubs)
         now = self._dispatcher.now()
         yield GaugeMetricFamily("posecast_viewers", "Viewers connected", viewers)
-        yield GaugeMetricFamily(
-            "posecast_previews", "Live previews in lists; not counted as viewers", previews
-        )
         yield _make_labelled(
             "posecast_robots",
             "Robots by status",
@@ -249,13 +245,10 @@ class RelayCollector(Collector):
 
 def _describe_endings(hubs: Sequence[Hub]) -> Iterable[Metric]:
     endings: Counter[int] = sum((Counter(each.endings) for each in hubs), Counter())
-    preview_endings: Counter[int] = sum((Counter(each.preview_endings) for each in hubs), Counter())
-    for name, text, ended in (
-        ("posecast_endings", "Viewers disconnected, by close code", endings),
-        ("posecast_preview_endings", "Live previews disconnected, by close code", preview_endings),
-    ):
-        by_code = {str(int(code)): count for code, count in ended.items()}
-        yield _make_labelled(name, text, "code", by_code, CounterMetricFamily)
+    by_code = {str(int(code)): count for code, count in endings.items()}
+    yield _make_labelled(
+        "posecast_endings", "Viewers disconnected, by close code", "code", by_code, CounterMetricFamily
+    )
     laned = sum(each.sent_to_lane for each in hubs)
     yield CounterMetricFamily(
         "posecast_lane_viewers", "Viewers refused as full that were sent to the lane", laned

@@ -16,6 +16,7 @@ from typing import cast
 from fastapi import Request, Response
 from starlette.types import Receive, Scope, Send
 
+from posecast_relay.http.accept_encoding import choose_encoding
 from posecast_relay.models.cache import ModelCache, ModelFile
 from posecast_relay.models.memory import ModelMemory
 from posecast_relay.net.answer_cache import has_already
@@ -119,7 +120,7 @@ async def make_model_answer(
     if has_already(request, headers["etag"]):
         return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
     shrinks = size <= PACK_UP_TO_BYTES and not type_.startswith("image/")
-    if shrinks and "gzip" in request.headers.get("accept-encoding", ""):
+    if shrinks and choose_encoding(request.headers, ("gzip",)) is not None:
         packed_size = await packed.pack(robot, name)
         if packed_size:
             headers |= {"content-encoding": "gzip", "etag": f'W/"{name}"'}

@@ -22,6 +22,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.datastructures import Headers
 from starlette.types import Receive, Scope, Send
 
+from posecast_relay.http.accept_encoding import choose_encoding
 from posecast_relay.http.previews import LinkPreview, find_home, place_page, read_robots
 from posecast_relay.net.request import OPEN
 
@@ -51,6 +52,8 @@ KEPT_BYTES = 64_000_000  # of all files; beyond this, the cache starts over
 KEEP_UP_TO_BYTES = 8_000_000  # of one file; a larger one is read from disk for each request
 DETOURS = frozenset(("", ".", ".."))  # folder names that a path must not contain
 HASHED = "public, max-age=31536000, immutable"  # of files with a hash in their name
+# compressed forms that a build makes, by content encoding, and the suffix of their files; the smallest first
+PACKED = {"br": ".br", "gzip": ".gz"}
 PAGE_HEADERS = {
     "x-frame-options": "DENY",
     "referrer-policy": "no-referrer",
@@ -126,17 +129,24 @@ class StaticFolder(StaticFiles):
     def file_response(
         self, full_path: Any, stat_result: os.stat_result, scope: Scope, status_code: int = 200
     ) -> Response:
-        """Return a file, compressed if the build made a compressed one and the browser accepts it."""
-        packed = f"{full_path}.gz"
-        unpacks = "gzip" in Headers(scope=scope).get("accept-encoding", "") and os.path.isfile(packed)
-        served, found = (packed, os.stat(packed)) if unpacks else (full_path, stat_result)
+        """Return a file, compressed if the build made a compressed one that the browser accepts."""
+        packed = {
+            encoding: path
+            for encoding, suffix in PACKED.items()
+            if os.path.isfile(path := f"{full_path}{suffix}")
+        }
+        encoding = choose_encoding(Headers(scope=scope), tuple(packed))
+        served, found = full_path, stat_result
+        if encoding is not None:
+            served = packed[encoding]
+            found = os.stat(served)
         response = super().file_response(served, found, scope, status_code)
         if isinstance(response, FileResponse) and found.st_size <= KEEP_UP_TO_BYTES:
             headers = {k: v for k, v in response.headers.items() if k not in OF_A_DISK}
             response = _Shared(self._kept.read(served, found), status_code, headers)
         response.headers["vary"] = "accept-encoding"
-        if unpacks:
-            response.headers["content-encoding"] = "gzip"
+        if encoding is not None:
+            response.headers["content-encoding"] = encoding
         response.headers["cache-control"] = "no-cache"
         response.headers["x-content-type-options"] = "nosniff"
         return response

@@ -43,7 +43,6 @@ class StreamRequest:
     hz: float
     decoded: bool  # frames as JSON instead of binary
     auth: bool = False  # a token comes as the first message
-    preview: bool = False  # a card in a list, which gives way to viewers
 
     def check(self) -> None:
         """Raise NoSuchStream if the robot or view has no valid name."""
@@ -61,9 +60,7 @@ class StreamRequest:
             self.check()
         except NoSuchStream as e:
             bad_name = str(e)
-        return Applicant(
-            *(self.robot, self.view, shows_token, is_foreign), bad_name=bad_name, is_preview=self.preview
-        )
+        return Applicant(self.robot, self.view, shows_token, is_foreign, bad_name=bad_name)
 
 
 def join_all(values: Iterable[str]) -> str | None:
@@ -113,7 +110,6 @@ def read_target(target: str, suffix: str = "") -> StreamRequest:
     return StreamRequest(
         *(found[1], asked.get("view", [None])[0], clamp_hz(hz), form == "json"),
         auth=asked.get("auth") == ["1"],
-        preview=asked.get("preview") == ["1"],
     )
 
 

@@ -191,7 +191,7 @@ class EventStream(asyncio.Protocol):
             elif viewer in dispatcher.hub.viewers:
                 dispatcher.carry_out(dispatcher.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
             else:
-                dispatcher.hub.count_ending(Close.INTERNAL_ERROR, viewer.is_preview)
+                dispatcher.hub.count_ending(Close.INTERNAL_ERROR)
                 self.end(Close.INTERNAL_ERROR, FAULT, None)
         except Exception:
             self._transport.abort()
@@ -294,7 +294,7 @@ class _Http(HttpConnection):
         peer = peer_of(self.transport)
         address = self.access.enter_address(applicant, peer, self._header(b"x-forwarded-for"))
         if isinstance(address, Refusal):
-            self._turn_away(address, applicant, pages)
+            self._turn_away(address, pages)
             return
         self.connections.discard(self)
         form, dispatcher = self.forms[asked.decoded], self.access.find_dispatcher(grant)
@@ -306,13 +306,13 @@ class _Http(HttpConnection):
             raise
         stream.start(pages)
 
-    def _turn_away(self, refusal: Refusal, applicant: Applicant, pages: str | None) -> None:
+    def _turn_away(self, refusal: Refusal, pages: str | None) -> None:
         """Refuse a stream. If the viewer is sent to a lane, open a stream that says only that."""
         if refusal.at_door:
             self.refuse(refusal.status, refusal.reason)
             return
         dispatcher = self.access.live
-        told = dispatcher.hub.count_refusal(refusal, applicant.is_preview, dispatcher.now())
+        told = dispatcher.hub.count_refusal(refusal, dispatcher.now())
         dispatcher.handshakes["told to go"] += 1
         bye = _make_bye(told.close, told.reason, told.retry_s, told.lane)
         self.transport.write(_make_head(pages) + bye)

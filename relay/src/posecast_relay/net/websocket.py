@@ -271,8 +271,7 @@ class LiveSocket(asyncio.Protocol):
     @isolated
     def _refuse_entry(self, refusal: Refusal) -> None:
         self._waits_no_more()
-        is_preview, now = self._applicant.is_preview, self.dispatcher.now()
-        told = self.dispatcher.hub.count_refusal(refusal, is_preview, now)
+        told = self.dispatcher.hub.count_refusal(refusal, self.dispatcher.now())
         self.dispatcher.handshakes["told to go"] += 1
         self.end(told.close, told.reason, told.retry_s, told.lane)
 
@@ -329,7 +328,7 @@ class LiveSocket(asyncio.Protocol):
                 said = parse_viewer_message(text)
             except MessageError as e:
                 self._waits_no_more()
-                self.dispatcher.hub.count_ending(e.close, self._applicant.is_preview)
+                self.dispatcher.hub.count_ending(e.close)
                 self.end(e.close, str(e), None)
                 return
             if isinstance(said, Auth):
@@ -386,7 +385,7 @@ class LiveSocket(asyncio.Protocol):
                 self.dispatcher.carry_out(self.dispatcher.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
             else:
                 self._hurry()
-                self.dispatcher.hub.count_ending(Close.INTERNAL_ERROR, self._applicant.is_preview)
+                self.dispatcher.hub.count_ending(Close.INTERNAL_ERROR)
                 self.end(Close.INTERNAL_ERROR, FAULT, None)
         except Exception:
             self._transport.abort()
@@ -418,7 +417,7 @@ class LiveSocket(asyncio.Protocol):
             return
         hub.remove_viewer(viewer)
         if self._ws.parser_exc is not None and sent is not None:
-            hub.count_ending(sent.code, viewer.is_preview)
+            hub.count_ending(sent.code)
 
     @isolated
     def write_as(self, form: Encoding, data: bytes) -> None:

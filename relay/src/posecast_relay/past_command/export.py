@@ -9,6 +9,7 @@ import re
 import signal
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +26,7 @@ from posecast_relay.core.policy import PUBLIC, Audience
 from posecast_relay.export.csv_file import TooManyColumnsError
 from posecast_relay.export.held_time import GAP_MS, HeldTime
 from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
+from posecast_relay.export.recording_files import RecordingFolder
 from posecast_relay.export.span import ExportedSpan
 from posecast_relay.export.table_file import write_table
 from posecast_relay.kit import write_count
@@ -38,6 +40,7 @@ from posecast_relay.past_command.common import (
     write_moment,
 )
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
+from posecast_relay.recording.data_files import DATA_MAX_MB, write_data_files
 from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.notes import NotesError, place_notes, read_notes
 from posecast_relay.recording.output import OutputError, check_place, open_place
@@ -70,8 +73,10 @@ FOREIGN = frozenset(  # formats we can't write; without this list they would bec
         ".zip",
     ]
 )
+OF_A_FOLDER = ("page", "url", "data_max")  # flags that a file has no use for
 TOKEN_BYTES_MAX = 16_384
 TOKEN = re.compile(r"[!-~]+")
+WRITING_FAILED = (OutputError, McapMissingError, TooManyColumnsError, TooManyTopicsError)
 URL = re.compile(r"https?://(?:(?![?#])[!-~])+")
 
 
@@ -85,7 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
             f"{'end' if is_end else 'start'} of the time span: 2026-11-22T14:20 with or without a zone, or "
             "14:20 for today; extended to whole segments"
         )
-        read = partial(_read_moment, is_end=is_end)
+        read = partial(read_moment_argument, is_end=is_end)
         add(flag, dest=f"{flag[2:]}_ms", metavar="T", type=read, required=True, help=told)
     told = "a .posecast, .csv or .mcap file, or a folder for any static host"
     add("-o", "--out", dest="out", metavar="PATH", type=_read_out, required=True, help=told)
@@ -119,6 +124,11 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
         type=_read_url,
         help="folder only: the URL you will publish it at; chats need it to show a preview picture",
     )
+    told = (
+        "folder only: largest size of data.csv and of data.mcap beside the page, in MB; 0: neither of them "
+        f"[{DATA_MAX_MB}]"
+    )
+    add("--data-max", metavar="MB", type=_read_megabytes, help=told)
     parser.set_defaults(stored=environ.get("POSECAST_PAST"))
 
 
@@ -126,7 +136,7 @@ def run(asked: argparse.Namespace) -> None:
     """Export a time span of the past. Raises SettingsError, ArchiveError, CommandFailed."""
     if asked.from_ms >= asked.to_ms:
         raise SettingsError("--from is not before --to")
-    _catch_sigterm()
+    catch_sigterm()
     try:
         notes = [] if asked.notes is None else read_notes(asked.notes)
         about = Description(asked.title, asked.author, asked.licence, partial(place_notes, notes))
@@ -135,21 +145,13 @@ def run(asked: argparse.Namespace) -> None:
         _export(asked, _open_source(asked), about, page)
     except NotesError as e:
         raise SettingsError(f"--notes {e}") from None
-    except (
-        OutputError,
-        PastUnreadable,
-        NothingThere,
-        RecordingError,
-        McapMissingError,
-        TooManyColumnsError,
-        TooManyTopicsError,
-    ) as e:
+    except (PastUnreadable, NothingThere, RecordingError, *WRITING_FAILED) as e:
         raise CommandFailed(str(e)) from None
     except KeyboardInterrupt:
         raise CommandFailed(f"{asked.out}: interrupted; no files were left behind") from None
 
 
-def _catch_sigterm() -> None:
+def catch_sigterm() -> None:
     """Turn SIGTERM into KeyboardInterrupt, so that partial files are removed."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
@@ -168,18 +170,24 @@ def _export(
             raise KeyboardInterrupt from None
         finally:
             collecting.close()  # if the loop ended before running it, Python would warn on stderr
-            _catch_sigterm()  # the loop restored the default handler when it ended
+            catch_sigterm()  # the loop restored the default handler when it ended
         with ProgressBar(sys.stderr) as bar:
             report = partial(bar.show_progress, what=str(asked.out))
-            span = ExportedSpan(folder, recording, asked.from_ms, asked.to_ms, report)
-            written = _write(asked, span, place, page)
+            span = ExportedSpan(RecordingFolder(folder), recording, asked.from_ms, asked.to_ms, report)
+            written = _write(asked, span, folder, place, page)
         size = _measure(place)
-    lines = (*_tell_lost(collector.found), *written.warnings, *_tell_lacks(written.held, span))
-    for line in lines:
-        print(f"{asked.program}: {asked.out}: {line}", file=sys.stderr)
-    held = written.held
+    tell_written(asked.program, asked.out, span, written, size, _tell_lost(collector.found))
+
+
+def tell_written(
+    program: str, out: Path, span: ExportedSpan, written: WrittenExport, size: int, lost: Sequence[str] = ()
+) -> None:
+    """Print what was written, and a line for each thing that is missing."""
+    for line in (*lost, *written.warnings, *_tell_lacks(written.held, span)):
+        print(f"{program}: {out}: {line}", file=sys.stderr)
+    held, recording = written.held, span.recording
     print(
-        f"{asked.out}: {recording.robot}/{recording.view}, {write_length(held.to_ms - held.from_ms)} from "
+        f"{out}: {recording.robot}/{recording.view}, {write_length(held.to_ms - held.from_ms)} from "
         f"{write_moment(held.from_ms)}, {written.what}, {size:,} bytes"
     )
 
@@ -225,7 +233,7 @@ def _show_collected(bar: ProgressBar, found: Collection) -> None:
         bar.show_text(waits)
 
 
-class _Written(NamedTuple):
+class WrittenExport(NamedTuple):
     """What was written (`what`), the time it covers, and one line for each thing that was left out."""
 
     what: str
@@ -233,26 +241,41 @@ class _Written(NamedTuple):
     warnings: Sequence[str] = ()
 
 
-def _write(asked: argparse.Namespace, span: ExportedSpan, place: Path, page: Path | None) -> _Written:
-    """Write the export in the requested format."""
+def _write(
+    asked: argparse.Namespace, span: ExportedSpan, folder: Path, place: Path, page: Path | None
+) -> WrittenExport:
+    """Write the export in the requested format. `folder`: where the recording was collected."""
+    recording = span.recording
     if page is not None:
-        add_page(page, place, span.recording, asked.url)
-        return _sum_segments(span.recording)
+        # the page plays whole segments, so the data are of those, too
+        whole = replace(span, from_ms=recording.from_ms, to_ms=recording.to_ms)
+        data = write_data_files(place, whole, DATA_MAX_MB if asked.data_max is None else asked.data_max)
+        add_page(page, place, recording, asked.url, data.sizes)
+        return _sum_segments(recording)._replace(warnings=data.warnings)
     if asked.out.suffix == ".posecast":
-        pack_recording(span.folder, span.recording, place, span.report)
-        return _sum_segments(span.recording)
+        pack_recording(folder, recording, place, span.report)
+        return _sum_segments(recording)
+    try:
+        return write_table_file(asked.out, span, place)
+    except NothingThere as e:
+        raise NothingThere(f"{asked.out}: {e}") from None
+
+
+def write_table_file(out: Path, span: ExportedSpan, place: Path) -> WrittenExport:
+    """Write a span as a table or as messages, by the suffix of `out`, to `place`. Raises NothingThere,
+    OSError, and the errors of WRITING_FAILED."""
     with place.open("wb") as file:
-        table = write_table(file, "csv" if asked.out.suffix == ".csv" else "mcap", span)
+        table = write_table(file, "csv" if out.suffix == ".csv" else "mcap", span)
     if not table.frames:
-        raise NothingThere(f"{asked.out}: no frames in this span")
-    return _Written(write_count(table.frames, "frame"), table.held, table.warnings)
+        raise NothingThere("; ".join(("no frames in this span", *table.warnings)))
+    return WrittenExport(write_count(table.frames, "frame"), table.held, table.warnings)
 
 
-def _sum_segments(recording: PastRecording) -> _Written:
+def _sum_segments(recording: PastRecording) -> WrittenExport:
     held = HeldTime()
     for each in [each for each in recording.segments if each.frames] or recording.segments:
         held.add(each.from_ms, each.to_ms)
-    return _Written(write_count(len(recording.segments), "segment"), held)
+    return WrittenExport(write_count(len(recording.segments), "segment"), held)
 
 
 def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:
@@ -283,10 +306,11 @@ def _open_source(asked: argparse.Namespace) -> HttpSource | StoreSource:
 def _find_page(asked: argparse.Namespace) -> Path | None:
     """Find the built page for a folder export. Raises SettingsError, OutputError."""
     if asked.out.suffix in FILES:
-        for name in ("page", "url"):
+        for name in OF_A_FOLDER:
             if getattr(asked, name) is not None:
                 raise SettingsError(
-                    f"--{name}: only works for a folder; a {asked.out.suffix} file has no page"
+                    f"--{name.replace('_', '-')}: only works for a folder; "
+                    f"a {asked.out.suffix} file has no page"
                 )
         if asked.out.suffix != ".posecast" and asked.notes is not None:
             raise SettingsError(f"--notes: a {asked.out.suffix} file can't hold notes")
@@ -336,7 +360,14 @@ def _read_token(file: Path) -> str:
     return token
 
 
-def _read_moment(text: str, is_end: bool) -> int:
+def _read_megabytes(text: str) -> int:
+    if not re.fullmatch(r"[0-9]{1,6}", text, re.ASCII):
+        raise argparse.ArgumentTypeError("use a whole number from 0 to 999999")
+    return int(text)
+
+
+def read_moment_argument(text: str, is_end: bool) -> int:
+    """Parse a time for argparse."""
     try:
         return read_moment(text, is_end=is_end)
     except TimeError as e:

@@ -29,6 +29,7 @@ PAGE_FILES = frozenset(
         "manifest.webmanifest",
     )
 )
+DATA_FILES = ("data.csv", "data.mcap")  # beside the page: the recording for other programs
 CSV_HEAD = "\ufefftime,seconds,robot_time".encode()
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 MCAP_NAMES = b"\x04\0\0\0ros2\x08\0\0\0posecast"  # profile and library, after a record's opcode and length
@@ -189,7 +190,9 @@ def _find_foreign_entry(folder: Path) -> str | None:
         if entry.name in FOLDERS | PAGE_FOLDERS:
             is_ours = entry.is_dir(follow_symlinks=False)
         else:
-            is_ours = entry.name in PAGE_FILES | {RECORDING_FILE} and entry.is_file(follow_symlinks=False)
+            is_ours = entry.name in (*PAGE_FILES, *DATA_FILES, RECORDING_FILE) and entry.is_file(
+                follow_symlinks=False
+            )
         if not is_ours:
             return (
                 f"holds {_name(Path(entry.name))}, which no export wrote: move it away or name another folder"

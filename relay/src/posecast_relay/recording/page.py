@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
 
 from posecast_wire.checked import SCRIPT_MARKS, loads
 from posecast_wire.recording import RECORDING_FILE, PastRecording, model_path
@@ -20,9 +21,11 @@ from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputErro
 
 ENTRIES: Mapping[str, str] = {"index.html": "", "embed/index.html": "../"}
 PARTS = ".vite/manifest.json"  # the build's own list of its files, and of what each of them imports
-FIRST_PARTS = ("src/app/pages/recording/recording_pages.ts", "src/past/relay/past_reader.ts")
+FIRST_PART = "src/app/pages/recording/RecordingPage.tsx"
+PACKED = frozenset((".br", ".gz"))  # beside the files that they were made of; hosts compress by themselves
 GENERAL = re.compile(r'\s*<meta (?:property="og:|name="description")[^>]*>')
 SHOWN_MAX = 500  # characters of a text that a chat reads
+RECORDING_TAG = '<meta name="posecast-recording"'
 TITLE = "<title>Posecast</title>"
 UNPACKS = re.compile(
     rb"new DecompressionStream\([\"'`]gzip[\"'`]\)"
@@ -45,11 +48,18 @@ def unpacks_segments(page: Path) -> bool:
     return any(UNPACKS.search(file.read_bytes()) for file in sorted((page / "assets").glob("*.js")))
 
 
-def add_page(page: Path, folder: Path, recording: PastRecording, address: str | None) -> None:
+def add_page(
+    page: Path,
+    folder: Path,
+    recording: PastRecording,
+    address: str | None,
+    data: Mapping[str, int] = MappingProxyType({}),
+) -> None:
     """Copy the page into a recording's folder: what a build of ours has, but not what FastAPI shows, what a
     relay alone serves, or the build's own notes. So whatever else lies in such a folder is somebody's own.
 
-    `address`: where it is to lie, as chats want it whole for the picture. Raises OSError.
+    `address`: where it is to lie, as chats want it whole for the picture; `data`: files beside the page that
+    it offers, and their sizes in bytes. Raises OSError.
     """
     copy_page_files(page, folder)
     parts = _list_first_parts(page)
@@ -58,6 +68,10 @@ def add_page(page: Path, folder: Path, recording: PastRecording, address: str | 
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         marked = _mark(text, home, folder, recording, address)
         if name == "index.html":  # a frame asks for nothing before it is seen
+            if data:
+                offered = " ".join(f"{file} {size}" for file, size in data.items())
+                tag = f'<meta name="posecast-data" content="{offered}" />'
+                marked = marked.replace(RECORDING_TAG, f"{tag}\n    {RECORDING_TAG}", 1)
             links = [f'  <link rel="modulepreload" crossorigin href="./{part}">\n  ' for part in parts]
             marked = marked.replace("</head>", f"{''.join(links)}</head>", 1)
         (folder / name).write_text(marked, encoding="utf-8")
@@ -67,7 +81,7 @@ def copy_page_files(page: Path, folder: Path) -> None:
     """Copy what a built page needs into a folder, without the two pages themselves. Raises OSError."""
     for path in sorted(page.rglob("*")):
         relative = path.relative_to(page)
-        if relative.parts[0] not in PAGE_FILES | PAGE_FOLDERS or path.suffix == ".gz" or not path.is_file():
+        if relative.parts[0] not in PAGE_FILES | PAGE_FOLDERS or path.suffix in PACKED or not path.is_file():
             continue
         if any(part.startswith(".") for part in relative.parts) or relative.as_posix() in ENTRIES:
             continue
@@ -82,7 +96,7 @@ def _list_first_parts(page: Path) -> list[str]:
         chunks = json.loads((page / PARTS).read_text(encoding="utf-8"))
         found: dict[str, None] = {}
         seen = {"index.html", *chunks["index.html"].get("imports", ())}
-        waiting = [name for name in FIRST_PARTS if name in chunks]
+        waiting = [FIRST_PART] if FIRST_PART in chunks else []
         for name in waiting:
             if name not in seen:
                 seen.add(name)
@@ -96,7 +110,7 @@ def _list_first_parts(page: Path) -> list[str]:
 def _mark(page: str, home: str, folder: Path, recording: PastRecording, address: str | None) -> str:
     title = visible(recording.title or _name_robot(recording), SHOWN_MAX, SCRIPT_MARKS)
     base = home or "./" if address is None else f"{address.rstrip('/')}/"
-    tags = [f'<meta name="posecast-recording" content="{home}{RECORDING_FILE}" />']
+    tags = [f'{RECORDING_TAG} content="{home}{RECORDING_FILE}" />']
     tags += [
         f'<meta {kind}="{name}" content="{html.escape(text)}" />'
         for kind, name, text in _describe(title, base, folder, recording, address)

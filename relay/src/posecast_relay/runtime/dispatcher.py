@@ -291,7 +291,7 @@ class Dispatcher:
         """Remove a viewer whose connection can't be written to."""
         self.report_fault(f"{viewer.robot}/{viewer.view}", error)
         try:
-            self.hub.count_ending(Close.INTERNAL_ERROR, viewer.is_preview)
+            self.hub.count_ending(Close.INTERNAL_ERROR)
             self.hub.remove_viewer(viewer)
             viewer.outlet.cut(Close.INTERNAL_ERROR)
         except Exception as e:

@@ -4,17 +4,23 @@ import { late, onDemand } from '../shell/late.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings, useSettings } from '../state/settings.ts';
 
-const load = () => import('./balance_part.ts');
-const loadNumbers = () => import('./balance_numbers.ts');
 /** Draws and reports balance. Loaded only for robots that can stand, and only when the viewer wants it. */
-export const BALANCE = new LatePart(load, onDemand);
-/** Lists and plots the balance numbers. */
-export const BALANCE_NUMBERS = new LatePart(loadNumbers, onDemand);
+export const BALANCE = new LatePart(async () => {
+  const parts = [
+    import('../../view/balance.ts'),
+    import('./balance_watch.ts'),
+    import('./Stood.tsx'),
+  ] as const;
+  const [{ makeBalance }, { balanceOf }, { spokenStance }] = await Promise.all(parts);
+  return { makeBalance, balanceOf, spokenStance };
+}, onDemand);
+/** Plots the balance numbers. */
+export const BALANCE_TRACES = new LatePart(() => import('./balance_traces.ts'), onDemand);
 
-const Stood = late(async () => (await load()).Stood, onDemand);
+const Stood = late(async () => (await import('./Stood.tsx')).Stood, onDemand);
 const BalanceTable = late(async () => {
-  void BALANCE_NUMBERS.load(); // so that listed values can be plotted
-  return (await loadNumbers()).BalanceTable;
+  void BALANCE_TRACES.load(); // so that listed values can be plotted
+  return (await import('./BalanceTable.tsx')).BalanceTable;
 }, onDemand);
 
 /** Whether the page may report this robot's balance; the model has the final word. */

@@ -1,4 +1,4 @@
-import { Suspense, useCallback, useEffect, useRef, useState } from 'react';
+import { useCallback, useEffect, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { ModelReport } from '../../model/report.ts';
@@ -20,16 +20,15 @@ import { keepLoading } from './keep_loading.ts';
 import type { OverlayLink } from './overlay/overlay_link.ts';
 import { useBodyView } from './use_body_view.ts';
 
-/** Loaded with the body, so that the page starts without waiting for it. */
-const parts = () => import('./body_parts.ts');
-const BodyNotes = late(async () => (await parts()).BodyNotes);
-const BodyTools = late(async () => (await parts()).BodyTools);
+// Loaded with the body, so that the page starts without waiting for them.
+const BodyNotes = late(async () => (await import('./BodyNotes.tsx')).BodyNotes);
+const BodyTools = late(async () => (await import('./BodyTools.tsx')).BodyTools);
 const SignIn = late(
   async () => (await import('../account/SignIn.tsx')).SignIn,
   () => accounts !== null,
 );
 const SelfPlots = late(async () => (await import('./SelfPlots.tsx')).SelfPlots);
-const LoadLegend = late(async () => (await parts()).LoadLegend);
+const LoadLegend = late(async () => (await import('./overlay/LoadLegend.tsx')).LoadLegend);
 
 const BODY_LINK = new LatePart(() => import('./body_link.ts'));
 const VIEW_ADDRESS = new LatePart(() => import('../share/view_address.ts'));
@@ -83,24 +82,16 @@ export function Body({ link, live = link }: { link: RobotLink; live?: RobotLink 
         <p className="stage-foot">{text.loadingBody(bytesWords(model.received, model.total))}</p>
       )}
       {(trouble !== null || model.phase !== 'none') && (
-        <Suspense fallback={null}>
-          <BodyNotes
-            link={link}
-            trouble={trouble}
-            report={model.phase === 'shown' ? model.report : null}
-            choose={choose}
-          />
-        </Suspense>
+        <BodyNotes
+          link={link}
+          trouble={trouble}
+          report={model.phase === 'shown' ? model.report : null}
+          choose={choose}
+        />
       )}
-      {signs !== null && model.phase !== 'none' && (
-        <Suspense fallback={null}>
-          <LoadLegend signs={[signs]} />
-        </Suspense>
-      )}
+      {signs !== null && model.phase !== 'none' && <LoadLegend signs={[signs]} />}
       {view !== null && model.phase !== 'none' && (
-        <Suspense fallback={null}>
-          <BodyTools link={link} view={view} shown={model.phase === 'shown'} />
-        </Suspense>
+        <BodyTools link={link} view={view} shown={model.phase === 'shown'} />
       )}
     </section>
   );
@@ -252,11 +243,7 @@ function StageNote({ link }: { link: RobotLink }) {
           {say().tryNow}
         </button>
       )}
-      {accounts !== null && isRefused && (
-        <Suspense fallback={null}>
-          <SignIn refused />
-        </Suspense>
-      )}
+      {accounts !== null && isRefused && <SignIn refused />}
     </div>
   );
 }
@@ -269,11 +256,7 @@ function Waiting({ link }: { link: RobotLink }) {
   useVersion(link);
   const { twin } = link;
   if (twin.state !== null && twin.modelHash === null && now - twin.evidence.openedMs > NO_MODEL_AFTER_MS)
-    return (
-      <Suspense fallback={null}>
-        <SelfPlots link={link} />
-      </Suspense>
-    );
+    return <SelfPlots link={link} />;
   // In these states, a line over the body already says so.
   const isSaid = word === 'STALE' || word === 'OFFLINE' || isThen(word);
   if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || isSaid) return null;

@@ -1,14 +1,12 @@
 import '../styles/tools.css';
-import { Suspense, useRef, useState } from 'react';
+import { useRef, useState } from 'react';
 import type { BodyView } from '../../view/body_view.ts';
-import { late } from '../shell/late.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { bytesWords } from '../status/words.ts';
 import { useMore } from '../text/more.ts';
 import { CameraViews } from './CameraViews.tsx';
+import { OverlayMenu } from './overlay/OverlayMenu.tsx';
 import { ShownChoice } from './overlay/ShownChoice.tsx';
-
-const OverlayMenu = late(async () => (await import('./overlay/OverlayMenu.tsx')).OverlayMenu);
 
 /** The tools over the body: camera views, displayed values, overlay. */
 export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyView; shown: boolean }) {
@@ -18,9 +16,7 @@ export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyVi
     <div className="stage-tools">
       {hasRef && <ShownChoice />}
       <CameraViews scene={view} />
-      <Suspense fallback={null}>
-        <OverlayMenu links={[link]} />
-      </Suspense>
+      <OverlayMenu links={[link]} drawsBalance={view.drawsBalance} />
       {shown && <Finer scene={view} />}
     </div>
   );

@@ -10,7 +10,7 @@ import { say } from '../text/language.ts';
 import { loadThree } from './load_three.ts';
 
 const THREE = new LatePart(loadThree, () => false); // loaded at once if the browser has 3D
-const LIGHT_VIEW = new LatePart(() => import('../../canvas2d/index.ts'));
+const LIGHT_VIEW = new LatePart(() => import('../../canvas2d/view.ts'));
 
 /** Why the body is not drawn in full 3D quality. `light`: the browser has no 3D; `light-pixels`: it has none, and the light view
  *  is slow as well; `given-up`: the browser took 3D away; `slow`: 3D was too slow; `chosen`: the person chose the light view. For

@@ -1,7 +1,5 @@
-import { type KeyboardEvent, Suspense, useEffect, useLayoutEffect, useRef } from 'react';
-import { firstPaint } from '../../browser/first_paint.ts';
-import { LatePart } from '../../browser/late_part.ts';
-import { late, lateAfterBody } from '../shell/late.tsx';
+import { type KeyboardEvent, useEffect, useLayoutEffect, useRef } from 'react';
+import { late } from '../shell/late.tsx';
 import { ROOM_FOR_BOTH, useMedia } from '../shell/media.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { onSelection, selection, useSelectedJoint } from '../state/selection.ts';
@@ -10,18 +8,17 @@ import { onLanguage, say, useText } from '../text/language.ts';
 import { FaultLine } from './alarms/FaultLine.tsx';
 import { createElement } from './grid/cells.ts';
 import { refreshWith } from './grid/refresh.ts';
+import { carryValues } from './grid/value_drag.ts';
 import { JointView, type TableSources } from './table/joint_view.ts';
+import { TableTools } from './table/TableTools.tsx';
 import './numbers.css';
 import './table/joints.css';
 
 // The table is loaded at once, the other tabs when they are opened.
-const TableTools = lateAfterBody(async () => (await import('./table/TableTools.tsx')).TableTools);
 const JointCard = late(async () => (await import('./table/JointCard.tsx')).JointCard);
 const Sensors = late(async () => (await import('./sensors/Sensors.tsx')).Sensors);
 const Plots = late(async () => (await import('./plots/Plots.tsx')).Plots);
 const Alarms = late(async () => (await import('./alarms/Alarms.tsx')).Alarms);
-
-const LATER = new LatePart(() => firstPaint().then(() => import('./later_parts.ts')));
 
 const TABS = ['Joints', 'Sensors', 'Plots', 'Alarms'] as const;
 export type Tab = (typeof TABS)[number];
@@ -50,10 +47,7 @@ export function Panel({
     return onSelection(() => selection() !== null && setTab('Joints'));
   }, [setTab]);
   useEffect(() => {
-    // Until then, a tap plots a value.
-    void LATER.load().then(
-      ({ carryValues }) => panel.current && carryValues(panel.current, () => setTab('Plots')),
-    );
+    if (panel.current !== null) return carryValues(panel.current, () => setTab('Plots'));
   }, [setTab]);
 
   const onKeyDown = (event: KeyboardEvent) => {
@@ -85,12 +79,10 @@ export function Panel({
         ))}
       </div>
       <div className="tab-body" role="tabpanel" id={`panel-${tab}`} aria-labelledby={`tab-${tab}`} key={tab}>
-        <Suspense fallback={null}>
-          {tab === 'Joints' && <Joints link={link} joint={joint} />}
-          {tab === 'Sensors' && <Sensors link={link} />}
-          {tab === 'Plots' && <Plots link={link} />}
-          {tab === 'Alarms' && <Alarms link={link} />}
-        </Suspense>
+        {tab === 'Joints' && <Joints link={link} joint={joint} />}
+        {tab === 'Sensors' && <Sensors link={link} />}
+        {tab === 'Plots' && <Plots link={link} />}
+        {tab === 'Alarms' && <Alarms link={link} />}
       </div>
     </div>
   );
@@ -104,20 +96,14 @@ function Joints({ link, joint }: { link: RobotLink; joint: string | null }) {
       {(joint === null || both) && (
         <>
           <div className="table-tools">
-            <Suspense fallback={null}>
-              <TableTools />
-            </Suspense>
+            <TableTools />
           </div>
           <div className="table-room">
             <JointNumbers link={link} />
           </div>
         </>
       )}
-      {joint !== null && (
-        <Suspense fallback={null}>
-          <JointCard link={link} joint={joint} />
-        </Suspense>
-      )}
+      {joint !== null && <JointCard link={link} joint={joint} />}
     </div>
   );
 }
@@ -138,16 +124,8 @@ function JointNumbers({ link }: { link: RobotLink }) {
     const view = new JointView(host.current, link.twin, sources);
     const write = () => view.write(link.nowMs());
     if (link.twin.state !== null) write(); // with the state word above, because entering the past changes all numbers at once
-    let left = false;
-    // Until then they are in one list, with names cut at the end.
-    void LATER.load().then(({ titledLimbs, NameColumn }) => {
-      sources.limbs = titledLimbs;
-      sources.NameColumn = NameColumn;
-      if (!left) write();
-    });
     const stop = refreshWith(link.twin, write, [link.faults.onChange, onLanguage]);
     return () => {
-      left = true;
       stop();
       view.dispose();
     };

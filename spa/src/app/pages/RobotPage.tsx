@@ -1,15 +1,16 @@
-import { type ReactNode, Suspense, useEffect, useLayoutEffect, useRef, useState } from 'react';
+import { type ReactNode, useEffect, useLayoutEffect, useRef, useState } from 'react';
 import { isThen } from '../../twin/liveness.ts';
 import { Body } from '../body/Body.tsx';
-import { loadPanel } from '../numbers/load_panel.ts';
 import type { Tab } from '../numbers/Panel.tsx';
 import { PastBelowBody } from '../past/PastBelowBody.tsx';
 import { missedMoment, useMomentNamed, usePast, useShown } from '../past/use_past.ts';
+import { Divider } from '../shell/Divider.tsx';
 import { showLink } from '../shell/debug_api.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
 import { usePageKeys, withKey } from '../shell/page_keys.ts';
+import { Sheet } from '../shell/Sheet.tsx';
 import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
 import { followPresentLinks, present, usePresenting } from '../state/presenting.ts';
 import {
@@ -27,12 +28,9 @@ import { behindWords } from '../status/words.ts';
 import { say, useText } from '../text/language.ts';
 import { useFullscreen } from './fullscreen.ts';
 
-const Panel = late(async () => (await loadPanel()).Panel);
-const Sheet = late(async () => (await import('../shell/Sheet.tsx')).Sheet);
-const Divider = late(async () => (await import('../shell/Divider.tsx')).Divider);
-const afterBody = () => import('./after_body.ts');
-const Announcer = lateAfterBody(async () => (await afterBody()).Announcer);
-const Explanations = lateAfterBody(async () => (await afterBody()).Explanations);
+const Panel = late(async () => (await import('../numbers/Panel.tsx')).Panel);
+const Announcer = lateAfterBody(async () => (await import('../status/Announcer.tsx')).Announcer);
+const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);
 const KeysSheet = late(async () => (await import('../settings/KeysSheet.tsx')).KeysSheet);
@@ -119,7 +117,7 @@ export function OneRobot(props: {
   const presented = usePresenting();
   useEffect(followPresentLinks, []);
   useEffect(() => {
-    loadPanel().catch(() => {}); // at once, rather than after the sheet around it; `Panel` tries again
+    import('../numbers/Panel.tsx').catch(() => {}); // at once, rather than after the sheet around it; `Panel` tries again
   }, []);
 
   const { fullscreen, toggle } = useFullscreen(page);
@@ -180,15 +178,11 @@ export function OneRobot(props: {
       </header>
       <Split link={link} live={live} alone={presented || fullscreen === 'page'} />
       {props.children}
-      <Suspense fallback={null}>
-        <Announcer link={link} />
-        <Explanations link={link} />
-      </Suspense>
-      <Suspense fallback={null}>
-        {presented && <Presentation link={link} name={props.name} note={props.note} />}
-        {sheet === 'share' && share?.(() => setSheet(null))}
-        {sheet === 'keys' && <KeysSheet onClose={() => setSheet(null)} />}
-      </Suspense>
+      <Announcer link={link} />
+      <Explanations link={link} />
+      {presented && <Presentation link={link} name={props.name} note={props.note} />}
+      {sheet === 'share' && share?.(() => setSheet(null))}
+      {sheet === 'keys' && <KeysSheet onClose={() => setSheet(null)} />}
     </div>
   );
 }
@@ -237,29 +231,23 @@ function Split({ link, live, alone }: { link: RobotLink; live: RobotLink | null;
       </div>
       {sideBySide && panelOpen && !alone && (
         <>
-          <Suspense fallback={null}>
-            <Divider
-              widthPx={widthPx}
-              onWidth={(px, done) => {
-                const fitting = panelWidth(px, size.width);
-                setDraggedPx(done ? null : fitting);
-                if (done) changeSettings({ panelPx: fitting });
-              }}
-            />
-          </Suspense>
+          <Divider
+            widthPx={widthPx}
+            onWidth={(px, done) => {
+              const fitting = panelWidth(px, size.width);
+              setDraggedPx(done ? null : fitting);
+              if (done) changeSettings({ panelPx: fitting });
+            }}
+          />
           <aside className="split-panel" style={{ width: `${widthPx}px` }} aria-label={say().numbers}>
-            <Suspense fallback={null}>
-              <Panel link={link} tab={tab} onTab={setTab} />
-            </Suspense>
+            <Panel link={link} tab={tab} onTab={setTab} />
           </aside>
         </>
       )}
       {!sideBySide && !alone && (
-        <Suspense fallback={null}>
-          <Sheet height={height} roomPx={size.height} onHeight={setHeight}>
-            <Panel link={link} tab={tab} onTab={setTab} />
-          </Sheet>
-        </Suspense>
+        <Sheet height={height} roomPx={size.height} onHeight={setHeight}>
+          <Panel link={link} tab={tab} onTab={setTab} />
+        </Sheet>
       )}
     </main>
   );

@@ -93,7 +93,7 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
               <div className="stage-tools">
                 <Shown links={links} />
                 <CameraViews scene={scene} />
-                <OverlayMenu links={links} />
+                <OverlayMenu links={links} drawsBalance={scene.drawsBalance} />
               </div>
             )}
             {scene !== null && <LoadLegend signs={signs} />}

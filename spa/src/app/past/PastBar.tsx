@@ -1,4 +1,4 @@
-import { Suspense, useCallback, useState, useSyncExternalStore } from 'react';
+import { useCallback, useState, useSyncExternalStore } from 'react';
 import { manifestUrl } from '../../auth/lane.ts';
 import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls } from '../../past/past_types.ts';
@@ -7,11 +7,12 @@ import { late, onDemand } from '../shell/late.tsx';
 import { usePageKeys } from '../shell/page_keys.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useStore } from '../state/use_store.ts';
+import { LiveNews } from './LiveNews.tsx';
+import type { OfferedFile } from './save/OfferedFiles.tsx';
 import { momentSheet } from './time_line/jump/moment_sheet.ts';
 import { pastKeys } from './time_line/past_keys.ts';
 import { type BelowTrack, TimeLine } from './time_line/TimeLine.tsx';
 
-const LiveNews = late(async () => (await import('./LiveNews.tsx')).LiveNews);
 const MomentSheet = late(async () => (await import('./time_line/jump/MomentSheet.tsx')).MomentSheet);
 const SaveSheet = late(async () => (await import('./save/SaveSheet.tsx')).SaveSheet, onDemand);
 
@@ -26,12 +27,14 @@ export function PastBar(props: {
   source: PastSource | null;
   /** The address of a model's manifest, by its hash; by default, the relay's. */
   manifestUrl?: (sha256: string) => string;
+  /** Files of all of it, for other programs. */
+  offered?: readonly OfferedFile[];
   /** Only its keyboard shortcuts are active. */
   unseen?: boolean;
   slim?: boolean;
   notes?: BelowTrack | null;
 }) {
-  const { controls, live, twin, source, manifestUrl: given, unseen = false, ...rest } = props;
+  const { controls, live, twin, source, manifestUrl: given, offered, unseen = false, ...rest } = props;
   const [saving, setSaving] = useState(false);
   const { robot } = twin;
   const models = useCallback(
@@ -49,14 +52,13 @@ export function PastBar(props: {
       <TimeLine controls={controls} onSave={save} {...rest} />
       {sheet === controls && <MomentSheet controls={controls} twin={twin} />}
       {saving && source !== null && (
-        <Suspense fallback={null}>
-          <SaveSheet
-            controls={controls}
-            source={source}
-            manifestUrl={models}
-            onClose={() => setSaving(false)}
-          />
-        </Suspense>
+        <SaveSheet
+          controls={controls}
+          source={source}
+          manifestUrl={models}
+          offered={offered}
+          onClose={() => setSaving(false)}
+        />
       )}
     </>
   );

@@ -2,11 +2,10 @@ import type { PastSource } from '../../past/past_source.ts';
 import { late, onDemand } from '../shell/late.tsx';
 import { usePresenting } from '../state/presenting.ts';
 import type { RobotLink } from '../state/robot_link.ts';
+import { NoPast } from './NoPast.tsx';
 import type { Past } from './past_link.ts';
-import { loadPast } from './use_past.ts';
 
-const NoPast = late(async () => (await import('./NoPast.tsx')).NoPast, onDemand);
-const PastBar = late(async () => (await loadPast()).PastBar, onDemand);
+const PastBar = late(async () => (await import('./PastBar.tsx')).PastBar, onDemand);
 
 /** Shown below the body of a robot that may have a past: the playback controls, and the reason that a linked moment can't be
  *  shown. */

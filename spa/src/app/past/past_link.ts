@@ -1,10 +1,10 @@
 import { pastUrl } from '../../auth/lane.ts';
 import { request } from '../../auth/request.ts';
 import { tokenFor } from '../../auth/token.ts';
-import { fetchPartsAhead, LatePart } from '../../browser/late_part.ts';
+import { fetchPartsAhead } from '../../browser/late_part.ts';
 import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls, PastSink, PastState, Playhead } from '../../past/past_types.ts';
-import type { Coming } from '../../past/player/coming.ts';
+import { Coming } from '../../past/player/coming.ts';
 import { PastPlayer } from '../../past/player/past_player.ts';
 import { OwnTape } from '../../past/player/tape/own_tape.ts';
 import { MINUTE_MS, PAGE_MS } from '../../past/relay/past_documents.ts';
@@ -19,11 +19,6 @@ import { forgetOwnAlarms } from '../state/own_alarms.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { isHeard } from './heard.ts';
 import { PastWatch } from './past_watch.ts';
-
-/** For the plots of a joint's past. */
-const COMING = new LatePart(() => import('../../past/player/coming.ts'));
-/** Preloaded before anyone looks back, because by then the relay may be gone. */
-export const READER = new LatePart(() => import('../../past/relay/past_reader.ts'));
 
 /** A robot's past on the page: the controls, and a link to the past robot, from which everything can be drawn. */
 export interface Past {
@@ -85,7 +80,6 @@ export function playPast(played: Played, atMs: number | null | undefined) {
     lead,
     fill: (schema, states) => minute.history.prepend(schema, states),
   };
-  void READER.load();
   void fetchPartsAhead();
   let frame = 0;
   const draw = () => {
@@ -100,10 +94,8 @@ export function playPast(played: Played, atMs: number | null | undefined) {
 
   let coming: Coming | null = null;
   const listComing = () => {
-    const part = COMING.value();
-    if (part === null) void COMING.load();
-    else coming ??= player.extend(part.Coming);
-    return player.frame === null ? [] : (coming?.after(player.frame) ?? []);
+    coming ??= player.extend(Coming);
+    return player.frame === null ? [] : coming.after(player.frame);
   };
   const look = () => {
     const { at, momentMs } = player.playhead;
@@ -163,7 +155,6 @@ export function openPast(live: RobotLink, atMs: number | null): Past {
   const source = new RelayPast(pastUrl(robot), {
     fetch: request,
     tokenFor,
-    loadReader: () => READER.load(),
     nowMs,
     later: (ms, run) => schedule(run, ms),
     isIdle: () => document.hidden || !isHeard(live),

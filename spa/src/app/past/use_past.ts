@@ -13,8 +13,10 @@ import { isHeard } from './heard.ts';
 import type { Past } from './past_link.ts';
 
 /** Loaded only if there is a past. */
-export const loadPast = () => import('./index.ts');
-const PAST = new LatePart(loadPast, () => false);
+const PAST = new LatePart(
+  () => import('./past_link.ts'),
+  () => false,
+);
 
 /** The past of a robot that this page may look back on; null if there is none, undefined until that is known or needed. Requested
  *  once the body is drawn, and again whenever the stream opens. */

@@ -1,4 +1,3 @@
-import { Suspense } from 'react';
 import { recordingUrl } from '../../relay/recording_address.ts';
 import { accounts, relayChoice } from '../../relay/relay.ts';
 import { Dialog } from '../shell/Dialog.tsx';
@@ -63,11 +62,7 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
         />
         <output>{arrowScale.toFixed(2)} ×</output>
       </label>
-      {link !== null && (
-        <Suspense fallback={null}>
-          <LimitSettings link={link} />
-        </Suspense>
-      )}
+      {link !== null && <LimitSettings link={link} />}
       {choice(
         'follow',
         rest.follow,
@@ -75,17 +70,12 @@ export function SettingsSheet({ link, onClose }: { link: RobotLink | null; onClo
         ['turn', rest.followTurn],
         ['stay', rest.followStay],
       )}
-      {choice('mouse', rest.mouse, ['orbit', rest.mouseOrbit], ['foxglove', rest.mouseFoxglove])}
       {choice('characterKeys', rest.characterKeys, [true, rest.keysOn], [false, rest.keysOff])}
       <details className="keys">
         <summary>{rest.keys}</summary>
         <KeysList />
       </details>
-      {accounts !== null && (
-        <Suspense fallback={null}>
-          <SignIn />
-        </Suspense>
-      )}
+      {accounts !== null && <SignIn />}
       <p className="quiet">{rest.keptHere}</p>
       {guide !== null && (
         <a className="text-button" href={guide} target="_blank" rel="noreferrer" data-testid="guide">

@@ -2,7 +2,7 @@ import { readStored, writeStored } from '../../browser/storage.ts';
 import { createStore } from '../../browser/store.ts';
 import type { AngleUnit } from '../../twin/format.ts';
 import type { LoadField } from '../../twin/sensors/load.ts';
-import type { FollowMode, MouseStyle } from '../../view/body_view.ts';
+import type { FollowMode } from '../../view/body_view.ts';
 import { useStore } from './use_store.ts';
 
 /** The settings of the page. They are kept in this browser and never sent. */
@@ -38,7 +38,6 @@ export interface Settings {
   limbs: boolean;
   /** Joint names: the robot's own (`RKN`), or plain words if available ("right knee"). */
   names: 'codes' | 'words';
-  mouse: MouseStyle;
   follow: FollowMode;
   /** Whether the page has keyboard shortcuts of one character, such as `T`. */
   characterKeys: boolean;
@@ -68,7 +67,6 @@ const DEFAULTS: Settings = {
   faultsFirst: true,
   limbs: false,
   names: 'codes',
-  mouse: 'orbit',
   follow: 'along',
   characterKeys: true,
 };
@@ -95,7 +93,6 @@ const CHOICES: { readonly [K in keyof Settings]: (value: unknown) => value is Se
   faultsFirst: isSwitch,
   limbs: isSwitch,
   names: (v): v is Settings['names'] => v === 'codes' || v === 'words',
-  mouse: (v): v is MouseStyle => v === 'orbit' || v === 'foxglove',
   follow: (v): v is FollowMode => v === 'stay' || v === 'along' || v === 'turn',
   characterKeys: isSwitch,
 };

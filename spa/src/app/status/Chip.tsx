@@ -1,4 +1,4 @@
-import { Suspense, useId } from 'react';
+import { useId } from 'react';
 import { nowMs } from '../../stream/clock.ts';
 import { late } from '../shell/late.tsx';
 import { useNow } from '../shell/now.ts';
@@ -52,9 +52,7 @@ export function Chip({ link }: { link: RobotLink }) {
       </button>
       {open && (
         <div className="popover" id={explanation} data-testid="liveness-explained">
-          <Suspense fallback={null}>
-            <Explanation link={link} />
-          </Suspense>
+          <Explanation link={link} />
         </div>
       )}
     </div>

@@ -12,7 +12,6 @@ import type { BalanceStyle } from '../balance_drawing.ts';
 import { OVERLAY_COLORS } from '../colors.ts';
 import { BalanceOverlay } from './balance_overlay.ts';
 import { Facets } from './facets.ts';
-import { drawJointLimits } from './joint_arc.ts';
 
 const COMPONENTS = ['fx', 'fy', 'fz'].map((one) => `F.${one}`);
 const MOMENTS = ['mx', 'my', 'mz'].map((one) => `F.${one}`);
@@ -75,7 +74,7 @@ function drawn(
   style: Partial<BalanceStyle> = {},
 ) {
   const facets = new Facets();
-  const signs = new BalanceOverlay(facets, () => drawJointLimits);
+  const signs = new BalanceOverlay(facets);
   facets.begin();
   signs.draw(body, shownPose, { ...READINGS, ...readings }, { ...STYLE, ...style });
   facets.end();
@@ -117,7 +116,7 @@ it.each([
   const linkMatrix = body.linkMatrix.bind(body);
   Object.assign(body, { linkMatrix: (name: string) => (name === 'thigh' ? thigh : linkMatrix(name)) });
   const facets = new Facets();
-  const signs = new BalanceOverlay(facets, () => null);
+  const signs = new BalanceOverlay(facets);
   const [reader, judge] = [new BalanceReader(body.manifest, SCHEMA), new StanceJudge()];
   const words = limits === null ? marginLimits(null) : limitsBy(limits, 'profile');
   // to the amber edge, a little back, well back; outside, and then back in so fast that it comes to rest inside
@@ -182,7 +181,7 @@ it('is grey, words too, when the pose is old', () => {
 
 it('another model or schema begins anew', () => {
   const facets = new Facets();
-  const signs = new BalanceOverlay(facets, () => drawJointLimits);
+  const signs = new BalanceOverlay(facets);
   const step = (body: PosedBody, tS: number, fz: number) => {
     facets.begin();
     signs.draw(body, pose(fz, tS), READINGS, STYLE);
@@ -196,7 +195,7 @@ it('another model or schema begins anew', () => {
 
 it('tells what a picture costs', () => {
   const [facets, body] = [new Facets(), leg()];
-  const signs = new BalanceOverlay(facets, () => drawJointLimits);
+  const signs = new BalanceOverlay(facets);
   const begunMs = performance.now();
   const pictures = 500;
   for (let i = 0; i < pictures; i += 1) {

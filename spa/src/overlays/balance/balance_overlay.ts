@@ -11,7 +11,7 @@ import type { BalanceDrawing, BalanceStyle, ShownBalance } from '../balance_draw
 import type { OverlayLabel } from '../labels.ts';
 import type { Facets } from './facets.ts';
 import { Footprints } from './footprints.ts';
-import type { DrawJointLimits } from './joint_arc.ts';
+import { drawJointLimits } from './joint_arc.ts';
 import { drawCapture, drawMass, drawMassFoot } from './mass.ts';
 import { paintsOf } from './paints.ts';
 import { drawPressure } from './pressure.ts';
@@ -24,7 +24,6 @@ const LIFT = 0.006;
 export class BalanceOverlay implements BalanceDrawing {
   shown: ShownBalance | null = null;
   readonly #facets: Facets;
-  readonly #jointLimits: () => DrawJointLimits | null;
   #reader: BalanceReader | null = null;
   /** The same judge as for the page's text, so that both show the same level. */
   #judge = new StanceJudge();
@@ -34,11 +33,9 @@ export class BalanceOverlay implements BalanceDrawing {
   #led: unknown = null;
   #labels: OverlayLabel[] = [];
 
-  /** `facets`: the render target, shared by all robots of the picture. `jointLimits`: draws the limits of the selected joint;
-   *  null until its code has loaded. */
-  constructor(facets: Facets, jointLimits: () => DrawJointLimits | null) {
+  /** `facets`: the render target, shared by all robots of the picture. */
+  constructor(facets: Facets) {
     this.#facets = facets;
-    this.#jointLimits = jointLimits;
   }
 
   draw(body: PosedBody | null, pose: Pose | null, readings: BalanceReadings, style: BalanceStyle): void {
@@ -73,7 +70,7 @@ export class BalanceOverlay implements BalanceDrawing {
       if (capturePoint !== null) drawCapture(facets, foot, capturePoint, ahead, reach, paints);
       drawMassFoot(facets, foot, ahead, reach, paints);
     }
-    const joints = this.#jointLimits()?.(facets, body, readings.joints, style, paints) ?? [];
+    const joints = drawJointLimits(facets, body, readings.joints, style, paints);
     if (centreOfMass !== null) drawMass(facets, centreOfMass, foot, ahead, reach, paints);
     this.#labels.push(...joints.map(({ label }) => label));
     this.shown = {

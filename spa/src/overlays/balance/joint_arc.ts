@@ -40,8 +40,6 @@ interface JointPaints {
   readonly now: Paint;
 }
 
-export type DrawJointLimits = typeof drawJointLimits;
-
 /** Draws the range of joints between their limits. Skips joints that the model lacks or that have no limits. */
 export function drawJointLimits(
   facets: Facets,

@@ -1,10 +1,13 @@
 import {
+  decodeKeyPage,
+  decodeSegment,
   type KeyPose,
   keyPagePath,
   parseSchema,
   type Schema,
   SchemaError,
   type Segment,
+  SegmentError,
   segmentPath,
   unpackSegment,
 } from '@posecast/wire';
@@ -12,7 +15,6 @@ import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
 import type { Span, Timeline } from '../past_types.ts';
 import { BoundedCache } from '../relay/bounded_cache.ts';
 import { PAGE_MS } from '../relay/past_documents.ts';
-import type { PastReader } from '../relay/past_requests.ts';
 import { drawTimeline } from '../relay/past_timeline.ts';
 import { SharedRequests } from '../relay/shared_requests.ts';
 import { BYTES_MAX, type RecordingFiles } from './recording_files.ts';
@@ -25,8 +27,6 @@ const REDRAW_MS = 250;
 
 export interface RecordingPorts {
   readonly files: RecordingFiles;
-  /** Loads the code that reads segments and pages of KEYs, if needed. Never rejects. */
-  readonly loadReader: () => Promise<PastReader>;
   /** Calls `run` after `ms`. Returns a function that cancels it. */
   readonly later: (ms: number, run: () => void) => () => void;
 }
@@ -181,9 +181,7 @@ export class RecordingPast implements PastSource {
 
   async #readKeys(pageMs: number, signal: AbortSignal): Promise<void> {
     const path = keyPagePath(pageMs);
-    const loading = this.#ports.loadReader();
     const bytes = await this.#ports.files.read(path, BYTES_MAX.keys, signal);
-    const { decodeKeyPage, SegmentError } = await loading;
     try {
       const page = decodeKeyPage(bytes);
       if (page.fromMs !== pageMs || !this.#isOurs(page))
@@ -198,7 +196,6 @@ export class RecordingPast implements PastSource {
   async #readSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {
     const path = segmentPath(ref);
     const bytes = await this.#readBytes(ref, signal);
-    const { decodeSegment, SegmentError } = await this.#ports.loadReader();
     let segment: Segment;
     try {
       segment = decodeSegment(bytes);
@@ -217,9 +214,7 @@ export class RecordingPast implements PastSource {
   /** A segment byte for byte; its file may be gzipped. */
   async #readBytes(ref: SegmentRef, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
     const path = segmentPath(ref);
-    const loading = this.#ports.loadReader();
     const packed = await this.#ports.files.read(path, BYTES_MAX.segment, signal);
-    const { SegmentError } = await loading;
     try {
       return await unpackSegment(packed);
     } catch (error) {

@@ -2,9 +2,6 @@ import type { Schema } from '@posecast/wire';
 import { answerBytes } from '../answer_bytes.ts';
 import { PastError } from '../past_source.ts';
 
-/** The code that reads segments and pages of KEYs. */
-export type PastReader = typeof import('./past_reader.ts');
-
 const RETRY_MS = 500;
 const LATE_MS = 20_000;
 /** The longest answer is a segment: 1 MiB each of header and records, plus some overhead. */
@@ -15,8 +12,6 @@ export interface RelayPorts {
   readonly fetch: (url: string, init: RequestInit) => Promise<Response>;
   /** The token for a URL, if there is one. */
   readonly tokenFor: (url: string) => string | undefined;
-  /** Loads the code that reads segments and pages of KEYs, if needed. Never rejects. */
-  readonly loadReader: () => Promise<PastReader>;
   /** A monotonic clock, ms. */
   readonly nowMs: () => number;
   /** Calls `run` after `ms`. Returns a function that cancels it. */

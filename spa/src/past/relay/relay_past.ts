@@ -1,4 +1,13 @@
-import { type KeyPose, parseSchema, type Schema, SchemaError, type Segment } from '@posecast/wire';
+import {
+  decodeKeyPage,
+  decodeSegment,
+  type KeyPose,
+  parseSchema,
+  type Schema,
+  SchemaError,
+  type Segment,
+  SegmentError,
+} from '@posecast/wire';
 import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
 import type { Span, Timeline } from '../past_types.ts';
 import { BoundedCache } from './bounded_cache.ts';
@@ -311,9 +320,7 @@ export class RelayPast implements PastSource {
     const enough = ((count ?? PAGE_MS / USUAL_SEGMENT_MS) * everyMs) / PAGE_MS;
     const every = Math.min(1000, Math.max(1, Math.ceil(wholeBytes / KEYS_BYTES_WANTED), Math.floor(enough)));
     const path = `/${view}/${minuteOf(pageMs)}/keys${every > 1 ? `?every=${every}` : ''}`;
-    const loading = this.#ports.loadReader();
     const { bytes } = await this.#requests.get(path, signal);
-    const { decodeKeyPage, SegmentError } = await loading;
     const page = decoded(path, SegmentError, () => decodeKeyPage(bytes));
     if (page.fromMs !== pageMs) throw new PastError('damaged', `past${path}: another page`);
     if (view !== this.#view) return;
@@ -325,9 +332,7 @@ export class RelayPast implements PastSource {
   async #fetchSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {
     const name = nameOf(ref);
     const path = `/${this.#view}/${name}`;
-    const loading = this.#ports.loadReader();
     const bytes = await this.#fetchBytes(ref, signal);
-    const { decodeSegment, SegmentError } = await loading;
     const segment = decoded(path, SegmentError, () => decodeSegment(bytes));
     if (segment.start.take !== ref.take || segment.start.index !== ref.index)
       throw new PastError('damaged', `past${path}: another segment`);

@@ -6,12 +6,6 @@ export class BlobParts {
   readonly #blobs: Blob[] = [];
   #pieces: BlobPart[] = [];
   #held = 0;
-  #size = 0;
-
-  /** What has been written so far, bytes. */
-  get size(): number {
-    return this.#size;
-  }
 
   /** Adds a copy of bytes, or text as UTF-8. */
   write(piece: Uint8Array | string): void {
@@ -19,7 +13,6 @@ export class BlobParts {
     if (bytes.length === 0) return;
     this.#pieces.push(bytes as Uint8Array<ArrayBuffer>);
     this.#held += bytes.length;
-    this.#size += bytes.length;
     if (this.#held < PART_BYTES) return;
     this.#blobs.push(new Blob(this.#pieces));
     this.#pieces = [];

@@ -1,10 +1,12 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
+import type { Manifest } from '../../model/manifest.ts';
+import type { Balance } from '../../twin/balance/balance.ts';
 import { withoutFormulas } from '../../twin/plots/csv.ts';
-import { BALANCE_COLUMNS, balanceCells } from './balance_columns.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
 import { BlobParts } from './blob_parts.ts';
 import type { SavePorts } from './save_ports.ts';
-import { framesOf, type SavedFrame } from './saved_frames.ts';
-import { loadBalance, loadManifests, ModelTimeline } from './saved_models.ts';
+import type { SavedBalance } from './saved_balance.ts';
+import { framesOf, modelsOf, type SavedFrame } from './saved_frames.ts';
 import type { SavedSpan } from './saved_span.ts';
 
 /** Rows built at a time. */
@@ -15,6 +17,17 @@ const STEP_DIGITS_MAX = 6;
 /** No bit is set, as opposed to an empty cell, which means no reading. */
 const NONE_SET = '0';
 const FIRST = ['time', 'seconds', 'robot_time'];
+const METRE_DECIMALS = 4;
+const MM_DECIMALS = 1;
+
+/** The CSV columns for balance, after those of the channels. */
+const BALANCE_COLUMNS: readonly string[] = [
+  ...['x', 'y', 'z'].map((axis) => `balance.centre_of_mass.${axis} [m]`),
+  ...['x', 'y'].map((axis) => `balance.capture_point.${axis} [m]`),
+  ...['x', 'y'].map((axis) => `balance.centre_of_pressure.${axis} [m]`),
+  'balance.floor [m]',
+  'balance.margin [mm]',
+];
 
 /** Writes the frames in a span as a table: one row for each frame, one column for each channel, then the balance if a model with
  *  masses or feet is available. */
@@ -120,4 +133,67 @@ export function cellOf(text: string): string {
 
 function lineOf(cells: readonly string[]): string {
   return `${cells.join(',')}\r\n`;
+}
+
+/** The cells of balance; empty if there is no value. */
+function balanceCells(balance: Balance | null): readonly string[] {
+  if (balance === null) return BALANCE_COLUMNS.map(() => '');
+  const { centreOfMass, capturePoint, pressure, floorM, marginM } = balance;
+  return [
+    ...pointCells(centreOfMass, 3),
+    ...pointCells(capturePoint, 2),
+    ...pointCells(pressure, 2),
+    cell(floorM, METRE_DECIMALS),
+    cell(marginM === null ? null : 1000 * marginM, MM_DECIMALS),
+  ];
+}
+
+function pointCells(point: Vec3 | null, axes: number): string[] {
+  return Array.from({ length: axes }, (_, axis) => cell(point?.[axis] ?? null, METRE_DECIMALS));
+}
+
+/** Without a minus sign before zero. */
+function cell(value: number | null, decimals: number): string {
+  return value?.toFixed(decimals).replace(/^-(?=[0.]+$)/, '') ?? '';
+}
+
+/** The manifests of the models in a span, by hash; null for one that is unavailable. Rejects with the reason of the signal. */
+async function loadManifests(
+  span: SavedSpan,
+  { models, signal }: Pick<SavePorts, 'models' | 'signal'>,
+): Promise<ReadonlyMap<string, Manifest | null>> {
+  const manifests = new Map<string, Manifest | null>();
+  for (const { model } of modelsOf(span)) {
+    if (model === null || manifests.has(model)) continue;
+    signal.throwIfAborted();
+    manifests.set(model, await models.manifest(model).catch(() => null));
+  }
+  return manifests;
+}
+
+/** Reads the balance of a span's frames with these models; null if there is none. The code, which also draws balance, is loaded
+ *  only if a model is available. */
+async function loadBalance(
+  { schemas }: Pick<SavedSpan, 'schemas'>,
+  manifests: ReadonlyMap<string, Manifest | null>,
+): Promise<SavedBalance | null> {
+  const models = [...manifests.values()].filter((manifest) => manifest !== null);
+  if (models.length === 0) return null;
+  const { SavedBalance } = await import('./saved_balance.ts');
+  return SavedBalance.of(models, [...schemas.values()]);
+}
+
+/** The robot's model at moments, which must be requested in time order. */
+class ModelTimeline {
+  readonly #models: ReturnType<typeof modelsOf>;
+
+  constructor(span: SavedSpan) {
+    this.#models = modelsOf(span);
+  }
+
+  /** Its hash; null without a model. `atUs`: unix. */
+  at(atUs: number): string | null {
+    while (this.#models.length > 1 && this.#models[1]!.atUs <= atUs) this.#models.shift();
+    return this.#models[0]?.model ?? null;
+  }
 }

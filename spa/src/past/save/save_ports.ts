@@ -7,7 +7,7 @@ export const SPAN_MS_MAX = 600_000;
  *  robot. */
 export const SEGMENTS_BYTES_MAX = 64e6;
 
-export type SaveFormat = 'csv' | 'mcap' | 'posecast';
+export type SaveFormat = 'csv' | 'posecast';
 
 /** A file of a model: its path beside the manifest (`manifest.json` is one of them), and the function that fetches it. */
 export interface ModelFile {
@@ -20,7 +20,7 @@ export interface ModelFile {
 
 /** The source of models. All methods reject with an Error whose message is one line. */
 export interface SavedModels {
-  /** The links and joints of a model; null if the model has no such data. */
+  /** The manifest of a model; null if the model has no such data. */
   manifest(sha256: string): Promise<Manifest | null>;
   /** All files of a model, the manifest first. */
   files(sha256: string): Promise<readonly ModelFile[]>;

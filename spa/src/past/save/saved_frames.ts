@@ -1,12 +1,4 @@
-import {
-  Decoder,
-  type EventMessage,
-  FrameError,
-  type MergedFrame,
-  mergeSegments,
-  parseRelayMessage,
-  type Schema,
-} from '@posecast/wire';
+import { Decoder, FrameError, type MergedFrame, mergeSegments, type Schema } from '@posecast/wire';
 import type { SavedSpan } from './saved_span.ts';
 
 /** A frame in the span. `atUs`: when the relay accepted it, unix. */
@@ -16,11 +8,6 @@ export interface SavedFrame {
   /** Robot time, seconds. */
   readonly tS: number;
   readonly codes: Int32Array;
-}
-
-export interface SavedEvent {
-  readonly atUs: number;
-  readonly event: EventMessage;
 }
 
 /** The frames accepted in a span, each once: within a run by number, between runs by time. Undecodable frames are skipped, as in
@@ -41,23 +28,6 @@ export function* framesOf(span: SavedSpan, onPart: (part: number) => void = () =
     if (decoded === null || !isWithin(span, atUs)) continue;
     yield { schema: reader.schema, atUs, tS: decoded.tS, codes: decoded.codes };
   }
-}
-
-/** The events of a span, each once, in the order in which they were accepted. */
-export function eventsOf(span: SavedSpan): SavedEvent[] {
-  const found = new Map<string, SavedEvent>();
-  for (const { segment } of span.segments) {
-    const { start, records } = segment;
-    for (const record of records) {
-      if (record.kind !== 'event') continue;
-      const event = parseRelayMessage(record.text);
-      const atUs = start.fromMs * 1000 + record.atUs;
-      if (event?.type !== 'event' || !isWithin(span, atUs)) continue;
-      const name = `${start.numbering} ${record.text}`;
-      if (!found.has(name)) found.set(name, { atUs, event });
-    }
-  }
-  return [...found.values()].sort((a, b) => a.atUs - b.atUs);
 }
 
 /** The robot's model over time: unix µs and the manifest's hash, oldest first. */

@@ -1,5 +1,4 @@
 import { writeCsv } from './csv_file.ts';
-import { writeMcap } from './mcap_file.ts';
 import { writePosecast } from './posecast_file.ts';
 import type { SaveFormat, SavePorts } from './save_ports.ts';
 import type { SavedSpan } from './saved_span.ts';
@@ -15,8 +14,6 @@ export function writeSpan(
   switch (format) {
     case 'csv':
       return writeCsv(span, ports, onPart);
-    case 'mcap':
-      return writeMcap(span, ports, onPart);
     case 'posecast':
       return writePosecast(span, ports, onPart);
   }

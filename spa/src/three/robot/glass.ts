@@ -5,7 +5,8 @@ import {
   MeshLambertMaterial,
   type WebGLProgramParametersWithUniforms,
 } from 'three';
-import { injectSkinning, insertAfter } from './skin.ts';
+import { declare, insertAfter } from './shader_text.ts';
+import { injectSkinning } from './skin.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
 const OPACITY = 0.35;
@@ -59,9 +60,7 @@ totalEmissiveRadiance += accent * (0.3 + 0.5 * edge);
 `;
 
 function tint(shader: WebGLProgramParametersWithUniforms): void {
-  const head = 'uniform vec3 accent;\nflat varying vec2 look;\nvoid main() {';
-  shader.fragmentShader = [
-    insertAfter('color_fragment', COLOR),
-    insertAfter('emissivemap_fragment', EDGE),
-  ].reduce((text, change) => change(text), shader.fragmentShader.replace('void main() {', head));
+  const head = 'uniform vec3 accent;\nflat varying vec2 look;\n';
+  const coloured = insertAfter(declare(shader.fragmentShader, head), 'color_fragment', COLOR);
+  shader.fragmentShader = insertAfter(coloured, 'emissivemap_fragment', EDGE);
 }

@@ -17,6 +17,7 @@ import {
 import { multiply } from '../../model/kinematics.ts';
 import type { Lod } from '../../model/lod.ts';
 import type { LinkLook, LinkTint } from '../../model/posed_body.ts';
+import { declare, insertAfter } from './shader_text.ts';
 import type { StaleEffect } from './stale_effect.ts';
 
 const ROUGHNESS = 0.6;
@@ -231,7 +232,7 @@ float threshold(vec2 at) {
   return (float(bits) + 0.5) / 16.0;
 }
 #endif
-void main() {`;
+`;
 
 const PAINT = `
 #ifdef SEE_THROUGH
@@ -259,10 +260,8 @@ diffuseColor.rgb = mix(diffuseColor.rgb, accent, look.x * 0.35);
 function patch(shader: WebGLProgramParametersWithUniforms, uniforms: Uniforms): void {
   Object.assign(shader.uniforms, uniforms);
   injectSkinning(shader, VERTEX_HEAD + PAINT_HEAD, BONE_NORMAL + VERTEX_PAINT);
-  shader.fragmentShader = [
-    insertAfter('color_fragment', PAINT),
-    insertAfter('emissivemap_fragment', GLOW),
-  ].reduce((text, change) => change(text), shader.fragmentShader.replace('void main() {', FRAGMENT_HEAD));
+  const painted = insertAfter(declare(shader.fragmentShader, FRAGMENT_HEAD), 'color_fragment', PAINT);
+  shader.fragmentShader = insertAfter(painted, 'emissivemap_fragment', GLOW);
 }
 
 /** Makes a shader's vertices follow their bones. `head` declares attributes, uniforms and varyings. */
@@ -271,17 +270,7 @@ export function injectSkinning(
   head: string,
   normal = BONE_NORMAL,
 ): void {
-  shader.vertexShader = [
-    insertAfter('skinbase_vertex', normal),
-    insertAfter('skinning_vertex', BONE_POSITION),
-    insertAfter('project_vertex', BONE_HIDE),
-  ].reduce(
-    (text, change) => change(text),
-    shader.vertexShader.replace('void main() {', `${head}void main() {`),
-  );
-}
-
-/** Returns a function that inserts code after a chunk's `#include` in a three.js shader. */
-export function insertAfter(chunk: string, more: string): (text: string) => string {
-  return (text) => text.replace(`#include <${chunk}>`, `#include <${chunk}>\n${more}`);
+  const turned = insertAfter(declare(shader.vertexShader, head), 'skinbase_vertex', normal);
+  const moved = insertAfter(turned, 'skinning_vertex', BONE_POSITION);
+  shader.vertexShader = insertAfter(moved, 'project_vertex', BONE_HIDE);
 }

@@ -34,12 +34,10 @@ class _Document(BaseModel):
 
 
 class RelayFigures(_Document):
-    """The relay's counters since its start. `trouble`: its present problem, in one line. `previews`: viewers
-    of small pictures; `viewers` does not include them."""
+    """The relay's counters since its start. `trouble`: its present problem, in one line."""
 
     trouble: str | None
     viewers: int
-    previews: int
     delivered_frames: int
     skipped_frames: int
     refused_publishers: int
@@ -138,7 +136,6 @@ def make_report(access: Access, sources: AdminSources, trouble: str | None) -> d
     """Return what the page shows now, without secrets. `trouble`: the relay's problem now, in one line."""
     hubs = [dispatcher.hub for dispatcher in access.dispatchers]
     rooms = [room for hub in hubs for robot in hub.robots.values() for room in robot.rooms.values()]
-    previews = sum(len(hub.previews) for hub in hubs)
     robots = sources.get_robots().enrolled
     past, archive = sources.past, sources.archive
     # a gateway hears only robots that are watched there; it knows the others from the store
@@ -147,8 +144,7 @@ def make_report(access: Access, sources: AdminSources, trouble: str | None) -> d
     return {
         "relay": {
             "trouble": trouble,
-            "viewers": sum(len(hub.viewers) for hub in hubs) - previews,
-            "previews": previews,
+            "viewers": sum(len(hub.viewers) for hub in hubs),
             "delivered_frames": sum(hub.delivered for hub in hubs) + sum(room.delivered for room in rooms),
             "skipped_frames": sum(hub.skipped for hub in hubs) + sum(room.skipped for room in rooms),
             "refused_publishers": sources.count_refused(),

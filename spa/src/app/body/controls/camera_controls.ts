@@ -10,6 +10,12 @@ const TURN_RAD = Math.PI / 24;
 const PAN_PX = 40;
 const NEARER = 0.85;
 
+/** What covers the picture: at its top, and at its bottom. */
+const NOTES = '.stage-note, .stage-views';
+const BUTTONS = '.stage-tools, .stage-foot, .model-findings';
+/** Gap between a note and the robot, CSS px. */
+const AIR = 4;
+
 type Eye = Pick<BodyView, 'look' | 'focus' | 'orbit' | 'pan' | 'zoom' | 'pick'>;
 
 /** What the camera's keys do. `middle`: the middle of the body's element in the window, CSS px. */
@@ -47,13 +53,9 @@ export function closeTo(view: Pick<Eye, 'pick' | 'focus' | 'look'>, at: { x: num
   else view.focus(link);
 }
 
-/** Attaches keys, double taps and the chosen mouse style to the body's element. Returns a function that detaches them. */
+/** Attaches keys and double taps to the body's element, and follows the setting how the camera follows a walking robot. Returns a function that detaches them. */
 export function attachCameraControls(element: HTMLElement, view: BodyView): () => void {
-  const chosen = () => {
-    const { mouse, follow } = settings();
-    view.setMouse(mouse);
-    view.setFollow(follow);
-  };
+  const chosen = () => view.setFollow(settings().follow);
   const middle = () => {
     const { left, top, width, height } = element.getBoundingClientRect();
     return { x: left + width / 2, y: top + height / 2 };
@@ -70,5 +72,36 @@ export function attachCameraControls(element: HTMLElement, view: BodyView): () =
   ];
   return () => {
     for (const off of leave) off();
+  };
+}
+
+/** Tells a view how much of the picture is covered by notes and buttons, so that they don't hide the robot's feet or head.
+ *  Returns a function that stops it. */
+export function bindInsets(canvas: HTMLElement, view: Pick<BodyView, 'setCover'>): () => void {
+  const stage = canvas.parentElement;
+  if (stage === null) return () => {};
+  const over = (selector: string) =>
+    [...stage.querySelectorAll(`:scope > :is(${selector})`)].map((each) => each.getBoundingClientRect());
+  const measure = () => {
+    const { top, bottom } = stage.getBoundingClientRect();
+    // Hidden elements have no size and cover nothing.
+    const most = (lengths: readonly number[]) => Math.max(0, ...lengths);
+    view.setCover({
+      above: most(over(NOTES).map((at) => (at.height > 0 ? at.bottom - top + AIR : 0))),
+      below: most(over(BUTTONS).map((at) => (at.height > 0 ? bottom - at.top : 0))),
+    });
+  };
+  const sizes = new ResizeObserver(measure);
+  const watch = () => {
+    sizes.disconnect();
+    for (const each of [stage, ...stage.children]) sizes.observe(each);
+    measure();
+  };
+  const changes = new MutationObserver(watch);
+  changes.observe(stage, { childList: true });
+  watch();
+  return () => {
+    sizes.disconnect();
+    changes.disconnect();
   };
 }

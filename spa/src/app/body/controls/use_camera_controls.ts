@@ -4,9 +4,11 @@ import type { RobotTwin } from '../../../twin/robot.ts';
 import type { BodyView } from '../../../view/body_view.ts';
 import { startWhenLoaded } from '../../shell/deferred_start.ts';
 
-const CONTROLS = new LatePart(() => import('./index.ts'));
+const CONTROLS = new LatePart(() =>
+  Promise.all([import('./camera_controls.ts'), import('./body_selection.ts')]),
+);
 
-/** Attaches camera keys, double taps, mouse style and insets while a body is shown; with a twin, also joint selection by tap.
+/** Attaches camera keys, double taps and insets while a body is shown; with a twin, also joint selection by tap.
  *  Their code is loaded with the body. */
 export function useCameraControls(
   host: RefObject<HTMLElement | null>,
@@ -17,9 +19,9 @@ export function useCameraControls(
     const element = host.current;
     if (view === null || element === null) return;
     return startWhenLoaded(
-      CONTROLS.load().then((controls) => () => {
-        const ends = [controls.attachCameraControls(element, view), controls.bindInsets(element, view)];
-        if (twin !== null) ends.push(controls.bindSelection(element, view, twin));
+      CONTROLS.load().then(([{ attachCameraControls, bindInsets }, { bindSelection }]) => () => {
+        const ends = [attachCameraControls(element, view), bindInsets(element, view)];
+        if (twin !== null) ends.push(bindSelection(element, view, twin));
         return () => {
           for (const end of ends) end();
         };

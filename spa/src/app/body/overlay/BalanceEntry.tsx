@@ -12,8 +12,8 @@ import { Switch } from './Switch.tsx';
 const EVERY_MS = 250;
 
 /** The menu entry for balance: a switch if at least one of the robots has balance data, and one line for each part that is
- *  unavailable, with the reason. */
-export function BalanceEntry({ links }: { links: readonly RobotLink[] }) {
+ *  unavailable, with the reason. `isDrawn`: whether the view of the body draws its signs. */
+export function BalanceEntry({ links, isDrawn }: { links: readonly RobotLink[]; isDrawn: boolean }) {
   useNow(EVERY_MS);
   const text = useBalanceText();
   const part = useLatePart(BALANCE);
@@ -28,10 +28,12 @@ export function BalanceEntry({ links }: { links: readonly RobotLink[] }) {
       [links.length > 1 ? `${name}: ` : '', lackWords(lack, text)].join(''),
     ),
   );
+  const isPossible = known.some(({ possible }) => possible);
+  if (isPossible && !isDrawn) lines.unshift(text.onlyIn3d);
   const byItself = watches.some(({ watch }) => watch.isShownByItself);
   return (
     <div className="sign-entry" data-testid="balance-entry">
-      {known.some(({ possible }) => possible) ? (
+      {isPossible ? (
         <Switch
           explain="balance.balance"
           on={watches.some(({ watch }) => watch.isShown)}

@@ -11,8 +11,8 @@ import { BalanceEntry } from './BalanceEntry.tsx';
 import { Switch } from './Switch.tsx';
 
 /** The button and menu for choosing what the overlay shows. It offers only what at least one of the robots can show, and is empty
- *  if there is nothing to offer. */
-export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
+ *  if there is nothing to offer. `drawsBalance`: see `BodyView`. */
+export function OverlayMenu({ links, drawsBalance }: { links: readonly RobotLink[]; drawsBalance: boolean }) {
   const { open, setOpen, around } = usePopover<HTMLFieldSetElement>();
   const { lens, forces, level, load } = useSettings();
   useVersion(...links);
@@ -63,7 +63,7 @@ export function OverlayMenu({ links }: { links: readonly RobotLink[] }) {
               text={rest.lens}
             />
           )}
-          {can.balance && <BalanceEntry links={links} />}
+          {can.balance && <BalanceEntry links={links} isDrawn={drawsBalance} />}
           {loads.length > 1 && (
             <fieldset className="choice">
               <legend>{rest.coloursOfBody}</legend>

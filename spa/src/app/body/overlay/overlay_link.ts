@@ -1,5 +1,4 @@
 import '../../styles/signs.css';
-import { LatePart } from '../../../browser/late_part.ts';
 import { isOld } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
 import { OverlayReader } from '../../../twin/overlay/reader.ts';
@@ -8,16 +7,12 @@ import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LoadScale } from '../../../twin/sensors/load.ts';
 import type { OverlaidBody } from '../../../view/body_view.ts';
 import { BALANCE } from '../../balance/BalanceParts.tsx';
-import { onDemand } from '../../shell/late.tsx';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onSelection, selection } from '../../state/selection.ts';
 import { onSettings, settings } from '../../state/settings.ts';
 import { languageTag, onLanguage } from '../../text/language.ts';
 import { more } from '../../text/more.ts';
 import type { More } from '../../text/more_en.ts';
-
-const JOINT_LIMITS = new LatePart(() => import('../../../view/joint_limits.ts'), onDemand);
-const jointLimits = () => JOINT_LIMITS.value()?.drawJointLimits ?? null;
 
 /** A running connection between the readings of a robot and the overlay of its body. */
 export interface OverlayLink {
@@ -81,9 +76,8 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     const from = shown === 'ref' && reader.can.lens ? 'ref' : 'pos';
     const live = !isOld(watch.verdict());
     if (readings.balance !== null) BALANCE.load();
-    if (readings.balance !== null && readings.balance.joints.length > 0) JOINT_LIMITS.load();
     const part = BALANCE.value();
-    const balance = part === null ? null : () => part.makeBalance(jointLimits);
+    const balance = part?.makeBalance ?? null;
     scene.showSigns(readings, { from, live, arrowScale, palette, angle, words: words.words, balance });
   };
 
@@ -95,7 +89,6 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     watch.onWord(follow),
     onSelection(follow),
     BALANCE.subscribe(follow),
-    JOINT_LIMITS.subscribe(follow),
   ];
   follow();
   return {

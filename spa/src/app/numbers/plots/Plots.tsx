@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from 'react';
 import './plots.css';
 import type { History } from '../../../twin/plots/history.ts';
-import { BALANCE_NUMBERS } from '../../balance/BalanceParts.tsx';
+import { BALANCE_TRACES } from '../../balance/BalanceParts.tsx';
 import { useTheme } from '../../shell/theme.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';
@@ -39,7 +39,7 @@ export function Plots({ link }: { link: RobotLink }) {
       theme,
       angle,
       words: text,
-      derived: BALANCE_NUMBERS.value()?.balanceTraces(link) ?? null, // whoever plots a value has opened the numbers
+      derived: BALANCE_TRACES.value()?.balanceTraces(link) ?? null, // whoever plots a value has opened the numbers
       remove: removeTrace,
       zoomed: () => setHeld((before) => before ?? hold(history, link.nowMs())),
     });

@@ -15,8 +15,8 @@ import { createElement, TextCell } from '../grid/cells.ts';
 import { NumberGrid } from '../grid/number_grid.ts';
 import { filterText, hasFilter, matchesFilter, onFilter, setFilter } from './filter.ts';
 import { type Lost, oldWords, RowView, STATES } from './joint_row.ts';
-import type { titledLimbs } from './limb_titles.ts';
-import type { NameColumn } from './name_column.ts';
+import { titledLimbs } from './limb_titles.ts';
+import { NameColumn } from './name_column.ts';
 import { Ranks } from './ranks.ts';
 
 /** What the table needs from the rest of the page. */
@@ -25,10 +25,6 @@ export interface TableSources {
   readonly readings?: LastReadings;
   /** The time that the table shows, ms. */
   readonly nowMs?: () => number;
-  /** Groups the joints by limb; null until its code is loaded. */
-  limbs?: typeof titledLimbs | null;
-  /** Fits the names to the available width; undefined until its code is loaded. */
-  NameColumn?: typeof NameColumn;
 }
 
 type Schema = NonNullable<RobotTwin['schema']>;
@@ -120,16 +116,15 @@ export class JointView {
     const table = this.#twin.joints();
     if (schema === null || table === null) return;
     const { angle, limbs: grouped, names } = settings();
-    const limbsOf = grouped ? (this.#from.limbs ?? null) : null;
-    const wanted = [schema, say(), limbsOf, limbsOf === null ? null : tree, names];
+    const wanted = [schema, say(), grouped, grouped ? tree : null, names];
     if (wanted.some((part, i) => part !== this.#builtFor[i])) {
       this.#builtFor = wanted;
-      this.#build(schema, table, limbsOf?.(schema, tree) ?? null);
+      this.#build(schema, table, grouped ? titledLimbs(schema, tree) : null);
       this.#angle = '';
     }
     if (this.#root === null) return;
-    if (this.#names === null && this.#from.NameColumn !== undefined) {
-      this.#names = new this.#from.NameColumn(this.#root, this.#rows);
+    if (this.#names === null) {
+      this.#names = new NameColumn(this.#root, this.#rows);
       this.#names.fit();
     }
     const all = angle !== this.#angle;

@@ -9,13 +9,12 @@ import { useThemeOnRoot } from '../../shell/theme.ts';
 import { useHash } from '../../state/hash.ts';
 import { type RobotLink, useRobotLink } from '../../state/robot_link.ts';
 import { useMore } from '../../text/more.ts';
-import { loadRecording } from '../recording/load_recording.ts';
 import { Framed } from './Framed.tsx';
 import { framedRobot } from './framed_robot.ts';
 import './embed.css';
 import { isolated } from '../../../twin/names.ts';
 
-const RecordingFrame = late(async () => (await loadRecording()).RecordingFrame, onDemand);
+const RecordingFrame = late(async () => (await import('./RecordingFrame.tsx')).RecordingFrame, onDemand);
 
 /** One robot embedded in another site's page: body, state and origin. It sends no request before it is on screen. */
 export function EmbedPage() {
@@ -25,7 +24,7 @@ export function EmbedPage() {
   const robot = framedRobot(window.location.pathname, hash);
   const reached = useReached();
   const { refused } = relayChoice();
-  if (recordingUrl() !== null) return reached ? <RecordingFrame Frame={Framed} /> : <Poster />;
+  if (recordingUrl() !== null) return reached ? <RecordingFrame /> : <Poster />;
   if (refused !== null) return <Note text={rest.relayRefused(isolated(refused))} />;
   if (robot === null) return <Note text={rest.frameWithoutRobot} />;
   if (!reached) return <Poster />;

@@ -1,20 +1,36 @@
-import { Suspense, useEffect } from 'react';
+import { type ReactNode, useEffect } from 'react';
 import { home, relayChoice } from '../../../relay/relay.ts';
 import { Body } from '../../body/Body.tsx';
 import { showLink } from '../../shell/debug_api.ts';
 import { late } from '../../shell/late.tsx';
 import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
-import { useVersion } from '../../state/robot_link.ts';
+import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { Announcer } from '../../status/Announcer.tsx';
 import { Chip } from '../../status/Chip.tsx';
 import { useMore } from '../../text/more.ts';
-import type { FrameProps } from '../recording/frame_props.ts';
 import { connectParent } from './parent.ts';
 
 const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
 
 /** One robot, present or past, in a frame: body, state and origin. */
-export function Framed({ link, live, whole, name, note, children }: FrameProps) {
+export function Framed({
+  link,
+  live,
+  whole,
+  name,
+  note,
+  children,
+}: {
+  link: RobotLink;
+  live: RobotLink;
+  /** Query and hash of the full page. */
+  whole: string;
+  name: string;
+  /** Shown beside the body while presenting. */
+  note?: ReactNode;
+  /** Shown below the body. */
+  children: ReactNode;
+}) {
   useEffect(() => {
     showLink(link);
     return () => showLink(null);
@@ -42,11 +58,7 @@ export function Framed({ link, live, whole, name, note, children }: FrameProps) 
           Posecast <span aria-hidden="true">↗</span>
         </a>
       </footer>
-      {presented && (
-        <Suspense fallback={null}>
-          <Presentation link={link} name={name} note={note} />
-        </Suspense>
-      )}
+      {presented && <Presentation link={link} name={name} note={note} />}
       <Announcer link={link} />
     </main>
   );

@@ -1,12 +1,11 @@
 import './list.css';
-import { Suspense, useEffect, useRef, useState } from 'react';
+import { useEffect, useState } from 'react';
 import { signInNeeded } from '../../../auth/request.ts';
 import { savesData } from '../../../browser/late_part.ts';
 import { accounts, home, relayChoice } from '../../../relay/relay.ts';
 import { prepareStream } from '../../../stream/early_stream.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import type { Verdict } from '../../../twin/liveness.ts';
-import { loadPanel } from '../../numbers/load_panel.ts';
 import { Command } from '../../shell/Command.tsx';
 import { IconButton, SettingsIcon } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
@@ -17,20 +16,12 @@ import { causeWords } from '../../status/words.ts';
 import { useText } from '../../text/language.ts';
 import { useListText } from '../../text/list.ts';
 import { openChosen } from '../local/local.ts';
-import { useMovingCard } from './moving_card.ts';
 import { inOrder, judgeListed, type ListedRobot, useRobots } from './robots.ts';
 import { Thumbnail } from './Thumbnail.tsx';
 
 /** After this long the viewer is assumed to have read the list. */
 const AHEAD_AFTER_MS = 1500;
 
-// If the preview can't be loaded, the card shows the still picture.
-const Preview = late(() =>
-  import('./Preview.tsx').then(
-    (chunk) => chunk.Preview,
-    () => () => null,
-  ),
-);
 const SignIn = late(async () => (await import('../../account/SignIn.tsx')).SignIn);
 
 /** Preloads the code that shows a robot's numbers, shortly after the list is shown. Returns a function that stops it. */
@@ -38,7 +29,7 @@ function prepareRobotPage(): () => void {
   const timer = setTimeout(() => {
     if (savesData()) return;
     prepareStream();
-    loadPanel().catch(() => {}); // requested again when needed
+    import('../../numbers/Panel.tsx').catch(() => {}); // requested again when needed
   }, AHEAD_AFTER_MS);
   return () => clearTimeout(timer);
 }
@@ -56,8 +47,6 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
   /** The robots to show side by side, in the order chosen; null while cards are plain links. */
   const [chosen, setChosen] = useState<readonly string[] | null>(null);
   const old = listing.phase === 'unreachable';
-  const list = useRef<HTMLElement>(null);
-  const moving = useMovingCard(list, listing.phase === 'known' ? listing.answerMs : Number.POSITIVE_INFINITY);
   const tookMs = listing.phase === 'known' ? listing.tookMs : 0;
   const [here, gone] = inOrder(robots);
   const cards = (shown: readonly ListedRobot[], testId: string) => (
@@ -67,7 +56,6 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
           key={robot.robot}
           robot={robot}
           verdict={old ? NOT_HEARD : judgeListed(robot, tookMs)}
-          moves={moving === robot.robot}
           place={chosen === null ? null : chosen.indexOf(robot.robot)}
           onChoose={() => setChosen((before) => toggled(before ?? [], robot.robot))}
         />
@@ -86,16 +74,12 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
           </span>
         )}
         <span className="grow" />
-        {accounts !== null && (
-          <Suspense fallback={null}>
-            <SignIn />
-          </Suspense>
-        )}
+        {accounts !== null && <SignIn />}
         <IconButton onClick={onSettings} label={text.settings}>
           <SettingsIcon />
         </IconButton>
       </header>
-      <main className="list" ref={list}>
+      <main className="list">
         <h1>{rest.onAir}</h1>
         {listing.phase === 'unreachable' && (
           <p className="list-note" role="status">
@@ -156,16 +140,14 @@ function SideBySide(props: {
   );
 }
 
-/** A link to one robot. `place`: its index in the side-by-side choice, -1 if not chosen, null outside choosing mode; `moves`: this
- *  is the one card with a moving preview. */
+/** A link to one robot. `place`: its index in the side-by-side choice, -1 if not chosen, null outside choosing mode. */
 function Card(props: {
   robot: ListedRobot;
   verdict: Pick<Verdict, 'word' | 'cause' | 'ageMs'>;
-  moves: boolean;
   place: number | null;
   onChoose: () => void;
 }) {
-  const { robot, moves, place, onChoose } = props;
+  const { robot, place, onChoose } = props;
   const { word, cause: why, ageMs } = props.verdict;
   const age = robot.ageMs !== null && word !== 'LIVE' && ageMs !== null ? ` ${formatSpan(ageMs)}` : '';
   useText();
@@ -177,7 +159,6 @@ function Card(props: {
         className="card"
         href={robotHref(robot.robot)}
         data-testid={`robot-${robot.robot}`}
-        data-robot={robot.robot}
         data-chosen={place !== null && place >= 0}
         onClick={(event) => {
           if (place === null) return;
@@ -188,11 +169,6 @@ function Card(props: {
         {place !== null && <span className="card-place">{place < 0 ? '' : place + 1}</span>}
         <span className="thumb" data-state={word}>
           <Thumbnail robot={robot} />
-          {moves && word === 'LIVE' && robot.model !== null && (
-            <Suspense fallback={null}>
-              <Preview robot={robot.robot} model={robot.model} />
-            </Suspense>
-          )}
         </span>
         <span className="card-name">{robot.name}</span>
         <span className="card-line">

@@ -25,14 +25,13 @@ export interface ListedRobot {
 
 /** The list of robots. `waiting`: the relay has not answered yet; `unreachable`: the last request failed, and `robots` come from
  *  the previous answer, if any. `publishAt`: the endpoint, such as `tcp/127.0.0.1:7447`, where programs on the relay's computer
- *  may publish without a credential; null if none. `answerMs`: how long the quickest answer took; `tookMs`: the newest. */
+ *  may publish without a credential; null if none. `tookMs`: how long the newest answer took. */
 export type RobotListing =
   | { phase: 'waiting' }
   | {
       phase: 'known';
       robots: readonly ListedRobot[];
       publishAt: string | null;
-      answerMs: number;
       tookMs: number;
     }
   | { phase: 'unreachable'; robots: readonly ListedRobot[] };
@@ -93,7 +92,6 @@ export function useRobots(): RobotListing {
   useEffect(() => {
     const leave = new AbortController();
     let asking = false;
-    let answerMs = Number.POSITIVE_INFINITY;
 
     const ask = async () => {
       if (asking || document.hidden) return;
@@ -107,9 +105,8 @@ export function useRobots(): RobotListing {
         if (!answer.ok) throw new Error(answer.statusText);
         const body: unknown = await answer.json();
         const tookMs = performance.now() - askedMs;
-        answerMs = Math.min(answerMs, tookMs);
         const publishAt = readPublishAt(body);
-        setListing({ phase: 'known', robots: readRobots(body), publishAt, answerMs, tookMs });
+        setListing({ phase: 'known', robots: readRobots(body), publishAt, tookMs });
       } catch {
         if (leave.signal.aborted) return;
         setListing((before) => ({

@@ -29,7 +29,7 @@ export function LocalBalance(props: {
     if (part === null || scene === null || !known || !on) return;
     scene.showSigns(FILE_READINGS, {
       ...{ live: true, from: 'pos', arrowScale: 1, palette, angle, words },
-      balance: () => part.makeBalance(() => null),
+      balance: () => part.makeBalance(),
     });
     return () => scene.showSigns(null);
   }, [part, scene, known, on, palette, angle, words]);

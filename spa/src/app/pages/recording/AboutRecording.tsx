@@ -2,6 +2,7 @@ import type { PastControls } from '../../../past/past_types.ts';
 import type { RecordingIndex } from '../../../past/recording/recording_index.ts';
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import { isolated } from '../../../twin/names.ts';
+import { type OfferedFile, OfferedFiles } from '../../past/save/OfferedFiles.tsx';
 import { Dialog } from '../../shell/Dialog.tsx';
 import { noteWords } from './notes/notes.ts';
 import { useLost } from './recording_link.ts';
@@ -14,9 +15,10 @@ export function AboutRecording(props: {
   source: RecordingPast;
   controls: PastControls;
   robotName: string;
+  offered: readonly OfferedFile[];
   onClose: () => void;
 }) {
-  const { index, source, controls, robotName, onClose } = props;
+  const { index, source, controls, robotName, offered, onClose } = props;
   const { title, author, licence, robot, view, fromMs, toMs, notes, segments } = index;
   const text = useRecordingText();
   const lost = lostWords(useLost(source), segments.length);
@@ -40,6 +42,14 @@ export function AboutRecording(props: {
                 <dd>{isolated(value)}</dd>
               </div>
             ),
+        )}
+        {offered.length > 0 && (
+          <div>
+            <dt>{text.data}</dt>
+            <dd>
+              <OfferedFiles files={offered} />
+            </dd>
+          </div>
         )}
       </dl>
       {lost !== null && <p>{lost}</p>}

@@ -3,7 +3,8 @@ import type { PastControls } from '../../../past/past_types.ts';
 import type { Note, RecordingIndex } from '../../../past/recording/recording_index.ts';
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
-import { PastBar } from '../../past/index.ts';
+import { PastBar } from '../../past/PastBar.tsx';
+import type { OfferedFile } from '../../past/save/OfferedFiles.tsx';
 import { NoteCaption } from './notes/NoteCaption.tsx';
 import { NoteMarks } from './notes/NoteMarks.tsx';
 import { useLost } from './recording_link.ts';
@@ -15,6 +16,7 @@ export function RecordingBar(props: {
   controls: PastControls;
   twin: RobotTwin;
   manifestUrl: (sha256: string) => string;
+  offered: readonly OfferedFile[];
   source: RecordingPast;
   index: RecordingIndex;
   /** The moment in the address can't be read. */
@@ -22,7 +24,7 @@ export function RecordingBar(props: {
   /** While presenting, only its keyboard shortcuts are active. */
   unseen: boolean;
 }) {
-  const { controls, twin, manifestUrl, source, index, isNonsense, unseen } = props;
+  const { controls, twin, manifestUrl, offered, source, index, isNonsense, unseen } = props;
   const { notes, segments } = index;
   const text = useRecordingText();
   const [pointed, setPointed] = useState<readonly Note[] | null>(null);
@@ -47,6 +49,7 @@ export function RecordingBar(props: {
         twin={twin}
         source={source}
         manifestUrl={manifestUrl}
+        offered={offered}
         notes={
           notes.length === 0
             ? null

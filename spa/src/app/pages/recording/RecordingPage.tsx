@@ -1,12 +1,13 @@
 import './recording.css';
-import { Suspense, useState } from 'react';
+import { useState } from 'react';
 import { isolated } from '../../../twin/names.ts';
 import { useMomentNamed } from '../../past/use_past.ts';
 import { BackIcon, Icon, IconButton } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
 import { usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
-import type { OneRobot } from '../RobotPage.tsx';
+import { OneRobot } from '../RobotPage.tsx';
+import { AboutRecording } from './AboutRecording.tsx';
 import { PresentedNote } from './notes/PresentedNote.tsx';
 import type { OpenedRecording } from './opened_recording.ts';
 import { RecordingBar } from './RecordingBar.tsx';
@@ -16,18 +17,14 @@ import { useRecordingText } from './words/recording_text.ts';
 import { unreadableWords } from './words/recording_words.ts';
 
 const ShareSheet = late(async () => (await import('../../share/ShareSheet.tsx')).ShareSheet);
-const AboutRecording = late(async () => (await import('./AboutRecording.tsx')).AboutRecording);
 
-/** The page of a recording: the one that this page was exported with, or `given`, which the viewer opened and `onClose` closes.
- *  `Layout` is the robot page's layout. It is passed in because importing it here would move it, and everything it imports, out
- *  of the main chunk. */
+/** The page of a recording: the one that this page was exported with, or `given`, which the viewer opened and `onClose` closes. */
 export function RecordingPage(props: {
-  Layout: typeof OneRobot;
   given: OpenedRecording | null;
   onClose: (() => void) | null;
   onSettings: (link: RobotLink) => void;
 }) {
-  const { Layout, given, onClose, onSettings } = props;
+  const { given, onClose, onSettings } = props;
   const text = useRecordingText();
   const fetched = useFetched(given === null);
   const opened = given ?? fetched;
@@ -39,28 +36,26 @@ export function RecordingPage(props: {
         <p>{unreadableWords(opened)}</p>
       </main>
     );
-  return <Opened {...{ Layout, opened, onClose, onSettings }} />;
+  return <Opened {...{ opened, onClose, onSettings }} />;
 }
 
 function Opened(props: {
-  Layout: typeof OneRobot;
   opened: OpenedRecording;
   onClose: (() => void) | null;
   onSettings: (link: RobotLink) => void;
 }) {
-  const { Layout, opened, onClose, onSettings } = props;
+  const { opened, onClose, onSettings } = props;
   const played = useRecording(opened, onClose === null);
-  return played === null ? null : <Shown {...{ Layout, opened, played, onClose, onSettings }} />;
+  return played === null ? null : <Shown {...{ opened, played, onClose, onSettings }} />;
 }
 
 function Shown(props: {
-  Layout: typeof OneRobot;
   opened: OpenedRecording;
   played: PlayedRecording;
   onClose: (() => void) | null;
   onSettings: (link: RobotLink) => void;
 }) {
-  const { Layout, opened, played, onClose, onSettings } = props;
+  const { opened, played, onClose, onSettings } = props;
   const { link, controls, source } = played;
   const { index } = opened;
   const text = useRecordingText();
@@ -74,7 +69,7 @@ function Shown(props: {
   const whole = index.title === null ? name : `${title} · ${name}`;
   return (
     <>
-      <Layout
+      <OneRobot
         link={link}
         live={onClose === null ? link : null}
         title={title}
@@ -114,19 +109,19 @@ function Shown(props: {
           {...{ controls, source, index }}
           twin={link.twin}
           manifestUrl={opened.manifestUrl}
+          offered={opened.offered}
           isNonsense={onClose === null && named === 'nonsense'}
           unseen={presented}
         />
-      </Layout>
-      <Suspense fallback={null}>
-        {about && (
-          <AboutRecording
-            {...{ index, source, controls }}
-            robotName={link.twin.name}
-            onClose={() => setAbout(false)}
-          />
-        )}
-      </Suspense>
+      </OneRobot>
+      {about && (
+        <AboutRecording
+          {...{ index, source, controls }}
+          robotName={link.twin.name}
+          offered={opened.offered}
+          onClose={() => setAbout(false)}
+        />
+      )}
     </>
   );
 }

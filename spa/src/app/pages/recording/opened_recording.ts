@@ -10,6 +10,7 @@ import {
 } from '../../../past/recording/recording_files.ts';
 import { type RecordingIndex, readIndex } from '../../../past/recording/recording_index.ts';
 import { early } from '../../../relay/recording_address.ts';
+import type { OfferedFile } from '../../past/save/OfferedFiles.tsx';
 
 /** A recording whose index has been read. */
 export interface OpenedRecording {
@@ -19,6 +20,8 @@ export interface OpenedRecording {
   readonly files: RecordingFiles;
   /** Where the model's files are, for whatever loads them. */
   readonly manifestUrl: (modelHash: string) => string;
+  /** The whole recording for other programs, beside the page. */
+  readonly offered: readonly OfferedFile[];
 }
 
 let opened = 0;
@@ -43,7 +46,8 @@ export async function fetchRecording(url: string): Promise<OpenedRecording> {
   });
   const name = url.slice(folder.length);
   const index = readIndex(await files.read(name, BYTES_MAX.index));
-  return { id: url, index, files, manifestUrl: (model) => folder + modelPath(model, 'manifest.json') };
+  const manifestUrl = (model: string) => folder + modelPath(model, 'manifest.json');
+  return { id: url, index, files, manifestUrl, offered: offeredFiles(folder, index.robot) };
 }
 
 /** Opens a recording from files on this computer. Rejects with `IndexError` or `PastError`. */
@@ -60,5 +64,18 @@ export async function openRecording(files: RecordingFiles): Promise<OpenedRecord
       throw new BundleError(error.message);
     }
   });
-  return { id: folder, index, files, manifestUrl: (model) => folder + modelPath(model, 'manifest.json') };
+  const manifestUrl = (model: string) => folder + modelPath(model, 'manifest.json');
+  return { id: folder, index, files, manifestUrl, offered: [] };
+}
+
+/** What this page was exported with: `<meta name="posecast-data" content="data.csv 81506 data.mcap 46033">`. */
+function offeredFiles(folder: string, robot: string): OfferedFile[] {
+  const meta = document.querySelector<HTMLMetaElement>('meta[name="posecast-data"]');
+  const found = (meta?.content ?? '').matchAll(/\b(data\.(csv|mcap)) (\d+)/g);
+  return [...found].map(([, file, format, bytes]) => ({
+    format: format!.toUpperCase(),
+    url: folder + file,
+    name: `${robot}.${format}`,
+    bytes: Number(bytes),
+  }));
 }

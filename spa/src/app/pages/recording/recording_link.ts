@@ -1,10 +1,11 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
 import { builtModelAt } from '../../../model/files.ts';
 import type { PastControls } from '../../../past/past_types.ts';
+import { OwnTape } from '../../../past/player/tape/own_tape.ts';
 import { type LostParts, RecordingPast } from '../../../past/recording/recording_past.ts';
 import { nowMs } from '../../../stream/clock.ts';
 import { RobotTwin } from '../../../twin/robot.ts';
-import { OwnTape, type Past, playPast, READER, schedule } from '../../past/index.ts';
+import { type Past, playPast, schedule } from '../../past/past_link.ts';
 import { momentIn } from '../../state/moment.ts';
 import { loadOwnLimits } from '../../state/own_limits.ts';
 import type { Connection } from '../../state/robot_link.ts';
@@ -55,11 +56,7 @@ function play(
 ): PlayedRecording {
   const twin = new RobotTwin(index.robot, nowMs());
   loadOwnLimits(twin);
-  const source = new RecordingPast(index, {
-    files,
-    loadReader: () => READER.load(),
-    later: (ms, run) => schedule(run, ms),
-  });
+  const source = new RecordingPast(index, { files, later: (ms, run) => schedule(run, ms) });
   const firstMs = Math.min(Math.max(atMs ?? 0, index.fromMs), index.toMs);
   const near = source.segmentsIn({ fromMs: firstMs, toMs: firstMs })[0] ?? index.segments[0];
   const model = near?.model ?? index.models[0] ?? null;

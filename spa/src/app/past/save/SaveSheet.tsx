@@ -4,6 +4,7 @@ import type { PastSource } from '../../../past/past_source.ts';
 import type { PastControls } from '../../../past/past_types.ts';
 import type { SaveFormat } from '../../../past/save/save_ports.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
+import { type OfferedFile, OfferedFiles } from './OfferedFiles.tsx';
 import { MeasureLine, Outcome, Progress } from './Outcome.tsx';
 import { SpanChoice } from './SpanChoice.tsx';
 import { useSaveText } from './save_text.ts';
@@ -11,7 +12,7 @@ import type { ManifestUrl } from './saved_models.ts';
 import { choicesOf, customSpan, fieldsOf, offerOf, type SpanName, spanOf } from './span_choice.ts';
 import { useMeasure, useSaving } from './use_saving.ts';
 
-const FORMATS = ['csv', 'mcap', 'posecast'] as const satisfies readonly SaveFormat[];
+const FORMATS = ['csv', 'posecast'] as const satisfies readonly SaveFormat[];
 
 /** The dialog that saves a span of the past as a file: how much, in which format, and the size. The choices reflect the page when
  *  the dialog opened. */
@@ -20,9 +21,11 @@ export function SaveSheet(props: {
   source: PastSource;
   /** Must not change. */
   manifestUrl: ManifestUrl;
+  /** Files of all of it, for other programs. */
+  offered?: readonly OfferedFile[] | undefined;
   onClose: () => void;
 }) {
-  const { controls, source, manifestUrl, onClose } = props;
+  const { controls, source, manifestUrl, offered = [], onClose } = props;
   const text = useSaveText();
   const [offer] = useState(() => offerOf(controls));
   const [name, setName] = useState<SpanName>(choicesOf(offer)[0]!);
@@ -61,6 +64,14 @@ export function SaveSheet(props: {
             </span>
           </label>
         ))}
+        <p data-testid="save-mcap">
+          {text.mcap} <code>posecast convert FILE.posecast OUT.mcap</code>
+        </p>
+        {offered.length > 0 && (
+          <p data-testid="save-offered">
+            {text.offered} <OfferedFiles files={offered} />
+          </p>
+        )}
       </fieldset>
       <MeasureLine span={span} measured={measured} nowMs={offer.nowMs} />
       {isBusy ? (

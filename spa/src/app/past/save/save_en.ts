@@ -13,15 +13,14 @@ export const saveEn = {
       name: 'CSV',
       what: 'A table for Excel, pandas or MATLAB: one row per frame, one column per reading.',
     },
-    mcap: {
-      name: 'MCAP',
-      what: 'ROS 2 messages for Foxglove, PlotJuggler and rosbag2: joints, sensors, links, events.',
-    },
     posecast: {
       name: 'Posecast',
       what: 'Everything, with the body. Drop the file on a Posecast page to play it.',
     },
   },
+  /** Before a command. */
+  mcap: 'For MCAP with ROS 2 messages, save as Posecast and run',
+  offered: 'The whole recording:',
   /** `bytes`: "3.4 MB". */
   measured: (frames: number, bytes: string) =>
     `${frames.toLocaleString('en')} ${frames === 1 ? 'frame' : 'frames'}, about ${bytes}`,

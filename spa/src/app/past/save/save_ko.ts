@@ -15,15 +15,13 @@ export const saveKo: typeof saveEn = {
       name: 'CSV',
       what: 'Excel, pandas, MATLAB에서 여는 표입니다. 프레임마다 한 행, 측정값마다 한 열입니다.',
     },
-    mcap: {
-      name: 'MCAP',
-      what: 'Foxglove, PlotJuggler, rosbag2에서 여는 ROS 2 메시지입니다. 관절, 센서, 링크, 이벤트가 들어 있습니다.',
-    },
     posecast: {
       name: 'Posecast',
       what: '로봇 모델까지 모두 담습니다. 파일을 Posecast 페이지에 끌어다 놓으면 재생됩니다.',
     },
   },
+  mcap: 'ROS 2 메시지를 담은 MCAP이 필요하면 Posecast로 저장한 뒤 다음을 실행하세요:',
+  offered: '기록 전체:',
   measured: (frames, bytes) => `프레임 ${frames.toLocaleString('ko')}개, 약 ${bytes}`,
   measuring: '기록을 확인하는 중 …',
   notYet: (moment) => `${moment}까지 저장됩니다. 그 뒤 몇 초는 릴레이가 아직 쓰는 중입니다.`,

@@ -8,10 +8,8 @@ import {
   useState,
   useSyncExternalStore,
 } from 'react';
-import { LatePart } from '../../../browser/late_part.ts';
 import type { PastControls, Playhead, Timeline } from '../../../past/past_types.ts';
 import { IconButton } from '../../shell/icons.tsx';
-import { late, useLatePart } from '../../shell/late.tsx';
 import { useNow } from '../../shell/now.ts';
 import { withKey } from '../../shell/page_keys.ts';
 import { useSettings } from '../../state/settings.ts';
@@ -22,13 +20,15 @@ import { languageTag } from '../../text/language.ts';
 import { more, useMore } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
+import { completed } from './movement.ts';
 import { JumpIcon, PauseIcon, PlayIcon } from './past_icons.tsx';
+import { listenToGestures } from './scale/gestures.ts';
+import { ScaleChoice } from './scale/ScaleChoice.tsx';
 import { chosenScale, scaleFor, scaleIn, scalesOf } from './scale/scales.ts';
+import { listTicks } from './scale/ticks.ts';
 import { Track } from './Track.tsx';
+import { TransportBar } from './TransportBar.tsx';
 import { msPerPx, pxAt, shownSpan, textPxOf, type View } from './track_view.ts';
-
-const TransportBar = late(async () => (await import('./TransportBar.tsx')).TransportBar);
-const PART = new LatePart(() => import('./line_part.ts'));
 
 /** Minimum and maximum interval between updates of the time, ms; a line that shows days updates less often. */
 const STEP_MS = { least: 250, most: 2000 };
@@ -75,7 +75,6 @@ function Line(props: {
   const past = playhead.at === 'past';
   const room = useRef<HTMLDivElement>(null);
   const [size, setSize] = useState({ widthPx: 0, heightPx: 0 });
-  const part = useLatePart(PART);
   const chosen = useStore(chosenScale(controls));
   // Nothing moves under a finger: neither the time nor the page.
   const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
@@ -101,8 +100,8 @@ function Line(props: {
   const language = languageTag();
   // biome-ignore lint/correctness/useExhaustiveDependencies: the words depend on the language
   const ticks = useMemo(
-    () => part?.listTicks(view, { pxAt: (atMs) => pxAt(view, atMs), widthPx: view.widthPx, textPx }) ?? [],
-    [part, view, textPx, language],
+    () => listTicks(view, { pxAt: (atMs) => pxAt(view, atMs), widthPx: view.widthPx, textPx }),
+    [view, textPx, language],
   );
 
   const { unknown } = timeline;
@@ -110,10 +109,7 @@ function Line(props: {
   useEffect(() => controls.look({ fromMs, toMs }), [controls, fromMs, toMs, unknown]);
 
   const shownMs = stepped(playhead.momentMs);
-  const drawn = useMemo(
-    () => part?.completed(timeline, heard, shownMs) ?? timeline,
-    [part, timeline, heard, shownMs],
-  );
+  const drawn = useMemo(() => completed(timeline, heard, shownMs), [timeline, heard, shownMs]);
 
   const { loop } = playhead;
   // biome-ignore lint/correctness/useExhaustiveDependencies: only for a new loop; the viewer may choose a longer scale later
@@ -126,9 +122,9 @@ function Line(props: {
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: `open` changes the element
   useEffect(() => {
-    if (room.current === null || part === null) return;
-    return part.listenToGestures(room.current, controls);
-  }, [part, controls, open]);
+    if (room.current === null) return;
+    return listenToGestures(room.current, controls);
+  }, [controls, open]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: `open` changes the height, at once
   useLayoutEffect(() => {
@@ -167,9 +163,7 @@ function Line(props: {
           hasFaults={unknown !== undefined || drawn.marks.some(({ level }) => level === 'fault')}
           onSave={onSave}
         >
-          {part !== null && scalesOf(windowMs).length > 1 && (
-            <part.ScaleChoice {...{ controls, scale, windowMs }} />
-          )}
+          {scalesOf(windowMs).length > 1 && <ScaleChoice {...{ controls, scale, windowMs }} />}
         </TransportBar>
       )}
       <div className="time-row">
@@ -177,7 +171,7 @@ function Line(props: {
         <div className="track-room" ref={room}>
           {widthPx > 0 && (
             <Track
-              {...{ part, controls, playhead, timeline: drawn, view, ticks, heightPx, nowMs, open }}
+              {...{ controls, playhead, timeline: drawn, view, ticks, heightPx, nowMs, open }}
               onHold={(hold) => setHeld(hold ? { view, open } : null)}
             />
           )}

@@ -10,12 +10,13 @@ import { lineKeys } from './past_keys.ts';
 import type { Tick } from './scale/ticks.ts';
 import { Scrubber } from './scrubber.ts';
 import { useSpoken } from './spoken.ts';
+import { Tip } from './Tip.tsx';
+import { TrackPicture } from './TrackPicture.tsx';
 import { type Hover, msAt, pxAt, TIME_PX, type View } from './track_view.ts';
 
 /** The track: the shown time span with its movement and marks, and the playhead. Pressing, dragging and arrow keys go into the
  *  past. */
 export function Track({
-  part,
   controls,
   playhead,
   timeline,
@@ -26,8 +27,6 @@ export function Track({
   open,
   onHold,
 }: {
-  /** Draws it, once loaded. */
-  part: typeof import('./line_part.ts') | null;
   controls: PastControls;
   playhead: Playhead;
   timeline: Timeline;
@@ -100,16 +99,14 @@ export function Track({
       onPointerLeave={() => setHover(null)}
       onKeyDown={() => setHover(null)} // what the mouse points at is not what the viewer is looking at now
     >
-      {part !== null && (
-        <part.TrackPicture
-          timeline={timeline}
-          view={view}
-          ticks={ticks}
-          heightPx={heightPx}
-          open={open}
-          loop={draft ?? playhead.loop}
-        />
-      )}
+      <TrackPicture
+        timeline={timeline}
+        view={view}
+        ticks={ticks}
+        heightPx={heightPx}
+        open={open}
+        loop={draft ?? playhead.loop}
+      />
       {startMs !== null && (
         <i className="loop-start" style={{ transform: `translateX(${pxAt(view, startMs)}px)` }} />
       )}
@@ -134,11 +131,8 @@ export function Track({
           )}
         </div>
       )}
-      {hover !== null && part !== null && (
-        <part.Tip
-          {...{ timeline, view, playhead, nowMs, hover }}
-          headPx={open && past ? headPx + timePx : null}
-        />
+      {hover !== null && (
+        <Tip {...{ timeline, view, playhead, nowMs, hover }} headPx={open && past ? headPx + timePx : null} />
       )}
     </div>
   );

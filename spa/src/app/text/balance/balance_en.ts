@@ -33,6 +33,7 @@ export const balanceEn = {
   briefUnread: 'no reading',
 
   // ---- why there is none, or not all of it
+  onlyIn3d: 'In words and numbers. Only the 3D view draws its signs.',
   builtBefore: 'This model was built without masses. Build it again.',
   rawModel:
     'This model is shown straight from its files, so the page does not know its soles. A built model has them.',

@@ -31,6 +31,7 @@ export const balanceKo: typeof balanceEn = {
   briefAirborne: '받치는 발 없음',
   briefUnread: '측정값 없음',
 
+  onlyIn3d: '문장과 숫자로 보여 줍니다. 표시는 3D 보기에서만 그립니다.',
   builtBefore: '질량 없이 빌드한 모델입니다. 다시 빌드하세요.',
   rawModel: '파일을 그대로 보여 주는 모델이라 발바닥을 알 수 없습니다. 빌드한 모델에는 발바닥이 있습니다.',
   noMasses: '로봇의 설명 파일에 질량이 없습니다.',

@@ -35,6 +35,7 @@ export const recordingEn = {
   view: 'View',
   recordedAt: 'Recorded',
   length: 'Length',
+  data: 'Data',
   notes: 'Notes',
   openNote: 'Show the whole note',
   closeNote: 'Show less of the note (Esc)',

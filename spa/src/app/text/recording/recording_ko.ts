@@ -28,6 +28,7 @@ export const recordingKo: typeof recordingEn = {
   view: '보기',
   recordedAt: '녹화 시각',
   length: '길이',
+  data: '데이터',
   notes: '메모',
   openNote: '메모 전체 보기',
   closeNote: '메모 접기 (Esc)',

@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from posecast_wire.checked import make_visible
 from posecast_wire.messages import RobotStatus
-from posecast_wire.segment.records import Segment
+from posecast_wire.segment.records import SegmentStart
 
 RECORDING_FILE = "recording.json"
 FORMAT = "posecast-recording"
@@ -115,10 +115,9 @@ def model_path(model: str, name: str) -> str:
     return f"models/{model}/{name}"
 
 
-def check_segment(recording: PastRecording, expected: RecordedSegment, found: Segment) -> None:
+def check_segment(recording: PastRecording, expected: RecordedSegment, found: SegmentStart) -> None:
     """Raise RecordingError if a segment's file does not match its name and path."""
-    start = found.start
-    if (start.robot, start.view, start.take, start.index) != (
+    if (found.robot, found.view, found.take, found.index) != (
         recording.robot,
         recording.view,
         expected.take,
@@ -126,7 +125,7 @@ def check_segment(recording: PastRecording, expected: RecordedSegment, found: Se
     ):
         refuse(
             segment_path(expected.take, expected.index),
-            f"is of {start.robot}/{start.view}, take {start.take:016x}, index {start.index}",
+            f"is of {found.robot}/{found.view}, take {found.take:016x}, index {found.index}",
         )
 
 

@@ -1,5 +1,5 @@
 import type { Note } from '../../../../past/recording/recording_index.ts';
-import type { View } from '../../../past/index.ts';
+import type { View } from '../../../past/time_line/track_view.ts';
 import { useRecordingText } from '../words/recording_text.ts';
 import { recordedWords } from '../words/recording_words.ts';
 import { noteMarks, noteWords } from './notes.ts';

@@ -1,6 +1,6 @@
 import type { Note } from '../../../../past/recording/recording_index.ts';
 import { isolated } from '../../../../twin/names.ts';
-import { pxAt, type View } from '../../../past/index.ts';
+import { pxAt, type View } from '../../../past/time_line/track_view.ts';
 
 /** A note is shown for this long after its moment, ms. */
 export const NOTE_SHOWN_MS = 8000;

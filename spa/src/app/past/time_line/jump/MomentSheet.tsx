@@ -3,13 +3,12 @@ import { useId, useState } from 'react';
 import type { PastControls } from '../../../../past/past_types.ts';
 import type { RobotTwin } from '../../../../twin/robot.ts';
 import { Dialog } from '../../../shell/Dialog.tsx';
-import { late } from '../../../shell/late.tsx';
 import { useMomentsText } from '../../../text/moments.ts';
+import { Incidents } from '../incidents/Incidents.tsx';
 import { DayList } from './DayList.tsx';
 import { MomentForm } from './MomentForm.tsx';
 import { momentSheet } from './moment_sheet.ts';
 
-const Incidents = late(async () => (await import('../incidents/Incidents.tsx')).Incidents);
 const WAYS = ['byTime', 'byFault'] as const;
 
 /** The dialog for going to a moment: by day and time, or to one of the last faults. */

@@ -1,22 +1,18 @@
-import type { ComponentType } from 'react';
 import { isolated } from '../../../twin/names.ts';
-import { PastBar } from '../../past/index.ts';
+import { PastBar } from '../../past/PastBar.tsx';
 import { usePresenting } from '../../state/presenting.ts';
 import { useVersion } from '../../state/robot_link.ts';
-import type { FrameProps } from './frame_props.ts';
-import { NoteCaption } from './notes/NoteCaption.tsx';
-import { PresentedNote } from './notes/PresentedNote.tsx';
-import type { OpenedRecording } from './opened_recording.ts';
-import { type PlayedRecording, useLost, useRecording } from './recording_link.ts';
-import { useFetched } from './use_fetched.ts';
-import { useRecordingText } from './words/recording_text.ts';
-import { lostWords, unreadableWords } from './words/recording_words.ts';
+import { NoteCaption } from '../recording/notes/NoteCaption.tsx';
+import { PresentedNote } from '../recording/notes/PresentedNote.tsx';
+import type { OpenedRecording } from '../recording/opened_recording.ts';
+import { type PlayedRecording, useLost, useRecording } from '../recording/recording_link.ts';
+import { useFetched } from '../recording/use_fetched.ts';
+import { useRecordingText } from '../recording/words/recording_text.ts';
+import { lostWords, unreadableWords } from '../recording/words/recording_words.ts';
+import { Framed } from './Framed.tsx';
 
-type Frame = ComponentType<FrameProps>;
-
-/** A recording in a frame of another site's page: body, state, origin, and a slim time line with the current note above it.
- *  `Frame` is the frame component of a robot, passed in for the same reason as a page's `Layout`. */
-export function RecordingFrame({ Frame }: { Frame: Frame }) {
+/** A recording in a frame of another site's page: body, state, origin, and a slim time line with the current note above it. */
+export function RecordingFrame() {
   useRecordingText();
   const opened = useFetched(true);
   if (opened === null) return null;
@@ -26,16 +22,16 @@ export function RecordingFrame({ Frame }: { Frame: Frame }) {
         {unreadableWords(opened)}
       </p>
     );
-  return <Opened Frame={Frame} opened={opened} />;
+  return <Opened opened={opened} />;
 }
 
-function Opened({ Frame, opened }: { Frame: Frame; opened: OpenedRecording }) {
+function Opened({ opened }: { opened: OpenedRecording }) {
   const played = useRecording(opened, true);
-  return played === null ? null : <Shown {...{ Frame, opened, played }} />;
+  return played === null ? null : <Shown {...{ opened, played }} />;
 }
 
-function Shown(props: { Frame: Frame; opened: OpenedRecording; played: PlayedRecording }) {
-  const { Frame, opened, played } = props;
+function Shown(props: { opened: OpenedRecording; played: PlayedRecording }) {
+  const { opened, played } = props;
   const { link, controls, source } = played;
   const { title, segments, notes } = opened.index;
   useVersion(link);
@@ -44,7 +40,7 @@ function Shown(props: { Frame: Frame; opened: OpenedRecording; played: PlayedRec
   const { search, hash } = window.location;
   const name = title === null ? link.twin.name : isolated(title);
   return (
-    <Frame
+    <Framed
       {...{ link, name }}
       live={link}
       whole={`index.html${search}${hash}`}
@@ -57,6 +53,6 @@ function Shown(props: { Frame: Frame; opened: OpenedRecording; played: PlayedRec
       )}
       {notes.length > 0 && !presented && <NoteCaption controls={controls} notes={notes} />}
       <PastBar controls={controls} live={null} twin={link.twin} source={null} unseen={presented} slim />
-    </Frame>
+    </Framed>
   );
 }
