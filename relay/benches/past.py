@@ -18,13 +18,12 @@ from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.past.recorder import Recorder
-from posecast_relay.core.past.stream_recording import RecordingPorts
 from posecast_relay.core.policy import Policy, list_lookers
 from posecast_relay.core.robot import Robot
 from posecast_relay.core.room import Room
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.recorder import Recorder, RecordingPorts
+from posecast_relay.past.segment import KeptSegment
 from posecast_wire import Snapshot, Stamp
 
 HZ = 30

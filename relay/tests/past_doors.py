@@ -17,17 +17,16 @@ from posecast_relay.auth.tokens import Tokens
 from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.policy import Audience, Policy, Principal, Rule, list_lookers, make_link
 from posecast_relay.http.app import make_app
-from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.models.cache import ModelCache
 from posecast_relay.net.decode_cache import DecodeCache
 from posecast_relay.net.sse import make_http_protocol
 from posecast_relay.net.websocket import make_live_protocol
-from posecast_relay.past_source import PastSource
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
+from posecast_relay.past.segment import KeptSegment, PastEvent, PastWord, SegmentName
+from posecast_relay.past.service import PastDesk
+from posecast_relay.past.source import PastSource
 from posecast_relay.runtime.dispatcher import MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_relay.zenoh.models import EdgeModels

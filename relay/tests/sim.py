@@ -9,8 +9,8 @@ from typing import Any
 from posecast_relay.core.actions import Abort, Action, CloseConnection, Fault, Persist, RequestSnapshot, Send
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.viewer import Viewer
+from posecast_relay.past.recorder import Recorder
 from posecast_wire import Close, Decoder, Encoder, Frame, Schema, Snapshot, Stamp, build_schema_text
 
 UNIX_S = 1_800_000_000.0

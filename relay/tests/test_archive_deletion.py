@@ -25,8 +25,8 @@ from posecast_relay.archive.deletion.tombstones import (
 from posecast_relay.archive.deletion.unnamed_sweep import NamedHashes, sweep_unnamed
 from posecast_relay.archive.names import DAY_MS, name_segment, read_segment_key
 from posecast_relay.archive.object_store import ArchiveAway, ObjectStore, open_object_store
-from posecast_relay.core.past.deletions import Deletion, Deletions
-from posecast_relay.deletion_record import make_deletion, pack_deletion
+from posecast_relay.past.deletion_record import make_deletion, pack_deletion
+from posecast_relay.past.deletions import Deletion, Deletions
 from posecast_wire.segment import decode_segment, encode_segment
 
 from .archive_world import ArchiveWorld, GatedStore, make_run

@@ -26,11 +26,9 @@ from posecast_relay.archive.page_index import (
     pack_index,
     unpack_index,
 )
-from posecast_relay.core.past.audience_letters import read_letters, write_letters
-from posecast_relay.core.past.day_index import DayIndex, digest_page, pack_day, sum_minutes, unpack_day
-from posecast_relay.core.past.day_reach import reach_day
-from posecast_relay.core.past.kept_segment import KeptSegment, PastWord
 from posecast_relay.core.policy import Audience
+from posecast_relay.past.index import DayIndex, digest_page, pack_day, reach_day, sum_minutes, unpack_day
+from posecast_relay.past.segment import KeptSegment, PastWord, read_letters, write_letters
 from posecast_testing import count_examples
 from posecast_wire.messages import RobotStatus
 from posecast_wire.segment import SegmentError

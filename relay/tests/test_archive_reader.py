@@ -11,10 +11,9 @@ from posecast_relay.archive import joined_past
 from posecast_relay.archive.names import DAY_MS, PAGE_MS
 from posecast_relay.archive.object_store import ObjectStore
 from posecast_relay.archive.reader import OLD_S
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.policy import Audience, Rule
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
+from posecast_relay.past.segment import KeptSegment
 from posecast_testing import until_async
 
 from . import past_doors

@@ -10,10 +10,9 @@ from typing import Any
 import pytest
 from posecast_relay.archive.joined_past import JoinedPast
 from posecast_relay.archive.names import DAY_MS, PAGE_MS
-from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.policy import Audience, Rule
-from posecast_relay.http.past import routes
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.past import routes
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
 
 from . import past_doors
 from .archive_world import ArchiveWorld, break_store, make_run

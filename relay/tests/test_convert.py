@@ -22,8 +22,8 @@ import pytest
 from posecast_relay.archive.models.keeper import make_model_key
 from posecast_relay.archive.object_store import open_object_store
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.export import recording_files
+from posecast_relay.past.segment import KeptSegment
 from posecast_relay.past_command import convert
 from posecast_relay.past_command.common import write_moment
 from posecast_relay.past_command.convert import run_convert

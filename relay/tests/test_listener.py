@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.config.settings import StartError
-from posecast_relay.core.past.deletions import Deletions
-from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.past.command_socket import PastSocket
+from posecast_relay.past.deletions import Deletions
+from posecast_relay.past.memory import MemoryPast
 from posecast_relay.server import http_server
-from posecast_relay.server.past_socket import PastSocket
 from posecast_testing import until
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.http.metrics import ArchiveFigures, RelayCollector
-from posecast_relay.http.past.held_requests import HeldRequests
 from posecast_relay.kit import Breaker
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.service import HeldRequests
 from posecast_relay.redis.past_writer import RedisPastWriter
 from posecast_relay.redis.store import RedisStore
 from posecast_relay.runtime.dispatcher import Dispatcher

@@ -7,12 +7,11 @@ import dataclasses
 from typing import Any
 
 import pytest
-from posecast_relay.core.past.deletions import KNOWN_MAX, SPANS_MAX, Deletion, Deletions
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.past.segment_record import pack_record
 from posecast_relay.core.policy import Audience, Rule
-from posecast_relay.deletion_record import make_deletion, pack_deletion, unpack_deletion
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.past.deletion_record import make_deletion, pack_deletion, unpack_deletion
+from posecast_relay.past.deletions import KNOWN_MAX, SPANS_MAX, Deletion, Deletions
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
+from posecast_relay.past.segment import pack_record
 from posecast_relay.redis.past_deletions import KEY, RedisDeletions
 from posecast_relay.redis.past_reader import PastReplica
 from posecast_relay.redis.past_scripts import stream_key

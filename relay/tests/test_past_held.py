@@ -10,8 +10,8 @@ import pytest
 import uvicorn
 from posecast_relay.core.policy import Audience, Policy, Rule
 from posecast_relay.http.metrics import RelayCollector
-from posecast_relay.http.past import routes
-from posecast_relay.http.past.held_requests import HELD_MAX, TOLD_EVERY_S, WOKEN_PER_TURN, HeldRequests
+from posecast_relay.past import routes
+from posecast_relay.past.service import HELD_MAX, TOLD_EVERY_S, WOKEN_PER_TURN, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
 from posecast_relay.server.http_server import RelayServer
 from posecast_testing import until_async

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.core.policy import Audience, Rule
-from posecast_relay.http.past import routes
+from posecast_relay.past import routes
 from posecast_testing import until
 from posecast_wire.segment import decode_segment
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.past.past_reader import NotYet, PastReader
-from posecast_relay.core.past.unseen import Unseen
 from posecast_relay.core.policy import Audience, Grant, Policy, Principal, Rule
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.reading import NotYet, PastReader, Unseen
+from posecast_relay.past.segment import KeptSegment, SegmentName
 
 from .past_doors import PAGE_MS, SCHEMA_HASH, make_kept
 

@@ -6,10 +6,9 @@ from typing import Any
 
 import pytest
 from posecast_relay.core.actions import Fault
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.open_segment import OpenSegment
-from posecast_relay.core.past.stream_recording import StreamRecording
 from posecast_relay.core.policy import Audience, Policy, Rule
+from posecast_relay.past.recorder import OpenSegment, StreamRecording
+from posecast_relay.past.segment import KeptSegment
 from posecast_wire.segment import CopyRecord, decode_segment
 
 from .sim import UNIX_S

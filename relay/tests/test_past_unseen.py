@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from posecast_relay.core.past import unseen
-from posecast_relay.core.past.unseen import Unseen
 from posecast_relay.core.policy import Audience, Grant, Policy, Principal, Rule
+from posecast_relay.past import reading
+from posecast_relay.past.reading import Unseen
 
 A, S = Audience.ANYONE, Audience.SIGNED_IN
 LATE = Rule(delay_s=10.0, past_s=600.0)
@@ -90,7 +90,7 @@ def test_what_was_before_the_process_is_not_for_who_sees_late() -> None:
 
 
 def test_what_is_remembered_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(unseen, "SPANS_MAX", 2)
+    monkeypatch.setattr(reading, "SPANS_MAX", 2)
     lit, dark = Policy({"r": {A: LATE}}), Policy({"r": {A: Rule(blackout=True)}})
     found = Unseen(knows_all=True)
     for hour in range(4):

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.core.policy import Audience, Rule
-from posecast_relay.http.past import documents
+from posecast_relay.past import documents
 from posecast_relay.recording import http_source
 from posecast_relay.recording.collector import Collector
 from posecast_relay.recording.http_source import HttpSource

@@ -26,7 +26,7 @@ from posecast_relay.archive.names import (
 )
 from posecast_relay.archive.object_store import ObjectStore
 from posecast_relay.archive.page_index import Known, LoadedPage, list_page, load_page, pack_index
-from posecast_relay.core.past.day_index import DayIndex, PageDigest, digest_page, pack_day, unpack_day
+from posecast_relay.past.index import DayIndex, PageDigest, digest_page, pack_day, unpack_day
 
 PAGES_AT_ONCE = 4
 DAYS_MAX = 40_000  # the most folders to look at

@@ -10,13 +10,11 @@ from collections.abc import Callable, Iterable, Sequence
 
 from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.archive.reader import ArchiveReader
-from posecast_relay.core.past.day_index import DAY_MS, DayIndex, PageDigest
-from posecast_relay.core.past.day_reach import DayReach
-from posecast_relay.core.past.kept_past import KeptPast
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
 from posecast_relay.core.policy import Audience
-from posecast_relay.past_source import ListWaiting, PastAway, PastSource, ReachedPast, Wake
+from posecast_relay.past.index import DAY_MS, DayIndex, DayReach, PageDigest
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.segment import KeptSegment, SegmentName, TakeSpan
+from posecast_relay.past.source import KeptPast, ListWaiting, PastAway, PastSource, ReachedPast, Wake
 
 UNBOUNDED = 1 << 62  # merges only ten minutes of two bounded sources
 LATEST_MS = (1 << 53) - 1

@@ -17,9 +17,8 @@ from typing import NamedTuple
 
 from posecast_wire.keys import ROBOT_ID
 
-from posecast_relay.core.past.audience_letters import read_letters, write_letters
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.policy import Audience
+from posecast_relay.past.segment import KeptSegment, SegmentName, read_letters, write_letters
 
 PAGE_MS, DAY_MS = 600_000, 86_400_000
 KEY_CHARS_MAX = 400

@@ -26,8 +26,15 @@ from posecast_relay.archive.names import (
     read_segment_key,
 )
 from posecast_relay.archive.object_store import ObjectStore
-from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord
-from posecast_relay.core.past.segment_record import dump_json, is_event, make_record, read_record
+from posecast_relay.past.segment import (
+    KeptSegment,
+    PastEvent,
+    PastWord,
+    dump_json,
+    is_event,
+    make_record,
+    read_record,
+)
 
 log = logging.getLogger("posecast_relay")
 

@@ -26,11 +26,10 @@ from posecast_relay.archive.names import (
 )
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
 from posecast_relay.archive.page_index import Known, LoadedPage, load_page
-from posecast_relay.core.past.day_index import LONGEST_MS, DayIndex, digest_page
-from posecast_relay.core.past.day_reach import DayReach, reach_day
-from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment, SegmentName
 from posecast_relay.kit import ExpiringCache
-from posecast_relay.past_source import PastAway
+from posecast_relay.past.index import LONGEST_MS, DayIndex, DayReach, digest_page, reach_day
+from posecast_relay.past.segment import OBJECT_BYTES, KeptSegment, SegmentName
+from posecast_relay.past.source import PastAway
 from posecast_relay.runtime.tasks import SharedTasks
 
 T = TypeVar("T")

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence, Sized
 from dataclasses import replace
 from functools import partial
-from typing import cast
+from typing import Protocol, cast
 
 from posecast_wire import (
     Ack,
@@ -40,20 +40,20 @@ from posecast_relay.core.actions import (
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.load import LoadShedder
 from posecast_relay.core.messages import make_conflict_event, read_edge_message
-from posecast_relay.core.past.recorder import Recorder
 from posecast_relay.core.policy import (
     DRAIN_RETRY_S,
     GOING,
     PUBLIC,
     Grant,
     Occupancy,
+    Policy,
     Refusal,
     RetryPace,
     find_no_room,
 )
 from posecast_relay.core.robot import Robot
 from posecast_relay.core.room import Room
-from posecast_relay.core.stream import FrameOutcome
+from posecast_relay.core.stream import Event, FrameOutcome
 from posecast_relay.core.viewer import Viewer
 from posecast_relay.kit import Histogram, TimerQueue
 
@@ -83,11 +83,50 @@ class Headcount:
         return sum(map(len, self._hubs))
 
 
+class RecordsPast(Protocol):
+    """Records what a hub accepts, for viewers who may look back. It raises nothing: see `take_faults`."""
+
+    faults: Counter[str]  # recordings that failed, by error type
+
+    @property
+    def next_at(self) -> float:
+        """When to call `close_due` at the latest, in seconds of the core's clock."""
+
+    def set_policy(self, policy: Policy, now: float) -> None:
+        """Set who may see what. Streams that nobody may look back on are no longer recorded."""
+
+    def record_frame(self, robot: Robot, room: Room, now: float) -> None:
+        """Record the newest frame of a stream, which was just accepted, and the robot's status."""
+
+    def record_event(
+        self, robot: Robot, room: Room, event: Event, doc: dict[str, object], now: float
+    ) -> None:
+        """Record an event that was just numbered. `doc`: its content."""
+
+    def record_description(self, robot: Robot, room: Room, now: float) -> None:
+        """Record the info and model of a stream if they have changed."""
+
+    def record_statuses(self, robot: Robot, now: float) -> None:
+        """Record the robot's status, if it has changed, in those of its streams that are being recorded."""
+
+    def close_due(self, now: float) -> None:
+        """Close the segments that are long enough."""
+
+    def close_all(self, now: float) -> None:
+        """Close all open segments, because the process is stopping."""
+
+    def forget_robot(self, robot: Robot, now: float) -> None:
+        """Close a robot's open segments, because the hub forgets the robot."""
+
+    def take_faults(self) -> list[tuple[str, Exception]]:
+        """Return the failures since the last call, each with its place."""
+
+
 class Hub:
     """All robots and viewers of one process, and every decision about them."""
 
     def __init__(
-        self, limits: Limits, headcount: Headcount | None = None, recorder: Recorder | None = None
+        self, limits: Limits, headcount: Headcount | None = None, recorder: RecordsPast | None = None
     ) -> None:
         """`headcount` is shared by all hubs of a process; None: this is the only hub.
 
@@ -609,7 +648,7 @@ class Hub:
             out += self._move_away(self.draining, now)
         return out
 
-    def _close_segments(self, recorder: Recorder, now: float) -> list[Action]:
+    def _close_segments(self, recorder: RecordsPast, now: float) -> list[Action]:
         recorder.close_due(now)
         self.wake_at = min(self.wake_at, recorder.next_at)
         return [Fault(where, error) for where, error in recorder.take_faults()]

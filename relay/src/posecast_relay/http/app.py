@@ -28,8 +28,6 @@ from posecast_relay.http.answers import (
     describe_bytes,
 )
 from posecast_relay.http.models import GzipCache, make_model_answer
-from posecast_relay.http.past.desk import PastDesk
-from posecast_relay.http.past.routes import add_past_routes
 from posecast_relay.http.previews import FRAME_PX, LinkPreview, Thumbnails
 from posecast_relay.http.robots import StateReader, make_robot_document, make_robots_document
 from posecast_relay.http.static import Guide, KeptFiles, Page
@@ -43,7 +41,9 @@ from posecast_relay.net.request import (
     make_sharing_headers,
     require_grant,
 )
-from posecast_relay.past_source import PastAway
+from posecast_relay.past.routes import add_past_routes
+from posecast_relay.past.service import PastDesk
+from posecast_relay.past.source import PastAway
 from posecast_relay.runtime.dispatcher import Dispatcher
 
 NO_PAGE = """The relay is running, but it has no page to show. Start it with --static DIR, the built page

@@ -12,8 +12,7 @@ from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from posecast_relay.core.hub import Hub
-from posecast_relay.core.past.recorder import Recorder
+from posecast_relay.core.hub import Hub, RecordsPast
 from posecast_relay.kit import BOUNDS_S, Breaker, Histogram
 from posecast_relay.runtime.dispatcher import Dispatcher
 
@@ -269,7 +268,7 @@ def _describe_mirror(mirror: MirrorStats) -> Iterable[Metric]:
     )
 
 
-def _describe_past(past: PastStats, recorder: Recorder | None) -> Iterable[Metric]:
+def _describe_past(past: PastStats, recorder: RecordsPast | None) -> Iterable[Metric]:
     yield CounterMetricFamily("posecast_past_segments", "Segments closed and kept", past.added)
     yield CounterMetricFamily(
         "posecast_past_crowded_out_segments",

@@ -15,9 +15,9 @@ from posecast_relay.archive.deletion.tombstones import put_tombstone
 from posecast_relay.archive.names import TOMBSTONES
 from posecast_relay.archive.object_store import NO_SPACE, ArchiveError, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.past.deletions import Deletion
-from posecast_relay.deletion_record import make_deletion, pack_deletion
 from posecast_relay.kit import write_count
+from posecast_relay.past.deletion_record import make_deletion, pack_deletion
+from posecast_relay.past.deletions import Deletion
 from posecast_relay.past_command.common import (
     OTHER_VERSION,
     CommandFailed,

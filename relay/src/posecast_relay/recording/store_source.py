@@ -23,9 +23,9 @@ from posecast_relay.archive.names import (
     read_segment_key,
 )
 from posecast_relay.archive.object_store import ObjectStore
-from posecast_relay.core.past.deletions import Deletion
 from posecast_relay.core.policy import Audience
 from posecast_relay.models.manifest import BYTES_MAX as MANIFEST_BYTES_MAX
+from posecast_relay.past.deletions import Deletion
 from posecast_relay.recording.source import ListedSegment, SourceSpan
 
 

@@ -1,6 +1,6 @@
 """Tells every process that shares a Redis what was deleted of the past, and hears it from them.
 
-    posecast:{-}:past-deleted   stream: a deletion each, as `deletion_record.py` packs it
+    posecast:{-}:past-deleted   stream: a deletion each, as `past/deletion_record.py` packs it
 
 Whoever hears of a deletion elsewhere (from the command, from an object store) writes it there; each process
 reads there once a second. While Redis is away it is tried again; the way of the past's own says so.
@@ -13,19 +13,11 @@ import contextlib
 import logging
 from collections import OrderedDict
 
-from posecast_relay.core.past.deletions import KNOWN_MAX, Deletion, Deletions
-from posecast_relay.deletion_record import pack_deletion, unpack_deletion
+from posecast_relay.past.deletion_record import pack_deletion, unpack_deletion
+from posecast_relay.past.deletions import KNOWN_MAX, Deletion, Deletions
 from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks
 
 log = logging.getLogger("posecast_relay")
-
-# Tells every process that shares a Redis what was deleted of the past, and hears it from them.
-#
-#     posecast:{-}:past-deleted   stream: a deletion each, as `deletion_record.py` packs it
-#
-# Whoever hears of a deletion elsewhere (from the command, from an object store) writes it there; each process
-# reads there once a second. While Redis is away it is tried again; the way of the past's own says so.
-
 
 KEY = "posecast:{-}:past-deleted"
 EVERY_S = 1.0

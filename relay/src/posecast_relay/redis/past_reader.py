@@ -16,13 +16,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
-from posecast_relay.core.past.deletions import Deletion, Deletions
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
-from posecast_relay.core.past.segment_record import unpack_record
 from posecast_relay.kit import Histogram
-from posecast_relay.past_source import ListWaiting, PastAway, Wake
-from posecast_relay.past_source_recent import RecentOnly
+from posecast_relay.past.deletions import Deletion, Deletions
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.segment import KeptSegment, SegmentName, TakeSpan, unpack_record
+from posecast_relay.past.source import ListWaiting, PastAway, RecentOnly, Wake
 from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, name_error
 from posecast_relay.redis.past_scripts import LOOK, schema_key, segment_key, stream_key
 from posecast_relay.runtime.tasks import SharedTasks

@@ -1,6 +1,6 @@
 """The past in Redis: its keys, and the Lua scripts that read and write them. Each script is atomic.
 
-    posecast:{ROBOT}:VIEW:past            stream: a record of each segment, as `segment_record.py` packs it
+    posecast:{ROBOT}:VIEW:past            stream: a record of each segment, as `past/segment.py` packs it
     posecast:{ROBOT}:VIEW:past:TAKE:INDEX hash: a segment's bytes, and the id of its record
     posecast:{ROBOT}:past:schema:SHA256   hash: a schema's text, and how many segments name it
     posecast:{-}:past                     hash: the ledger's sums: robot → bytes; "" → of all
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from posecast_relay.core.past.kept_segment import SegmentName
+from posecast_relay.past.segment import SegmentName
 from posecast_relay.redis.client import Call
 
 WRITTEN, LACKS_SCHEMA, FULL = 1, 2, 3

@@ -16,10 +16,9 @@ from typing import NamedTuple
 
 from redis.exceptions import OutOfMemoryError
 
-from posecast_relay.core.past.deletions import Deletion, Deletions
-from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment, SegmentName
-from posecast_relay.core.past.segment_record import pack_record, unpack_record
 from posecast_relay.kit import Histogram, write_count
+from posecast_relay.past.deletions import Deletion, Deletions
+from posecast_relay.past.segment import OBJECT_BYTES, KeptSegment, SegmentName, pack_record, unpack_record
 from posecast_relay.redis.client import Call, RedisClient, cancel_tasks
 from posecast_relay.redis.past_scripts import (
     DELETE,

@@ -23,13 +23,13 @@ from posecast_relay.archive.reader import ArchiveReader
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.config.store_url import StoreUrlError
-from posecast_relay.core.past.deletions import Deletion, Deletions
-from posecast_relay.core.past.memory_store import MemoryPast
 from posecast_relay.core.policy import Policy
 from posecast_relay.http.metrics import ArchiveFigures
 from posecast_relay.kit import write_count
 from posecast_relay.models.cache import ModelCache, ModelSource
-from posecast_relay.past_source import PastSource
+from posecast_relay.past.deletions import Deletion, Deletions
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.source import PastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
 
 log = logging.getLogger("posecast_relay")

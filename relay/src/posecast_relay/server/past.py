@@ -20,11 +20,6 @@ from typing import TYPE_CHECKING
 from posecast_relay.auth.access import Access
 from posecast_relay.config.robots_reader import format_duration
 from posecast_relay.config.settings import Settings
-from posecast_relay.core.past.deletions import Deletion, Deletions
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.past.recorder import Recorder
-from posecast_relay.core.past.stream_recording import RecordingPorts
 from posecast_relay.core.policy import (
     Audience,
     Policy,
@@ -35,13 +30,16 @@ from posecast_relay.core.policy import (
     list_idle_keeps,
     list_lookers,
 )
-from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.kit import write_count
 from posecast_relay.models.cache import ModelCache, ModelSource
-from posecast_relay.past_source import PastSource
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.past.command_socket import PastSocket, find_socket_path
+from posecast_relay.past.deletions import Deletion, Deletions
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
+from posecast_relay.past.recorder import Recorder, RecordingPorts
+from posecast_relay.past.segment import KeptSegment
+from posecast_relay.past.service import PastDesk
+from posecast_relay.past.source import PastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.server.past_socket import PastSocket, find_socket_path
 
 if TYPE_CHECKING:
     from posecast_relay.redis.past_deletions import RedisDeletions

@@ -20,8 +20,8 @@ from posecast_relay.archive.names import (
     read_segment_key,
 )
 from posecast_relay.archive.object_store import ObjectStore
-from posecast_relay.core.past.day_index import PageDigest
-from posecast_relay.core.past.deletions import Deletion
+from posecast_relay.past.deletions import Deletion
+from posecast_relay.past.index import PageDigest
 
 AT_ONCE = 16  # objects being deleted
 

@@ -21,8 +21,8 @@ from posecast_relay.archive.deletion.tombstones import (
 )
 from posecast_relay.archive.names import PageKey
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
-from posecast_relay.core.past.deletions import Deletion, Deletions
 from posecast_relay.kit import write_count
+from posecast_relay.past.deletions import Deletion, Deletions
 
 log = logging.getLogger("posecast_relay")
 

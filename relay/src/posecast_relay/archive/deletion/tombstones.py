@@ -1,6 +1,6 @@
 """Tombstones: records of deletions in an object store, so that every process complies.
 
-    tombstones/{robot}/{at_ms}-{id}.json   a deletion, as `deletion_record.py` packs it
+    tombstones/{robot}/{at_ms}-{id}.json   a deletion, as `past/deletion_record.py` packs it
     tombstones/{robot}/{at_ms}-{id}.done   empty, same name: the deletion is complete
 
 The tombstone is written before anything is deleted. If the process is killed in between, the next process
@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 from posecast_relay.archive.names import TOMBSTONES
 from posecast_relay.archive.object_store import ObjectStore
-from posecast_relay.core.past.deletions import KNOWN_MAX, Deletion
-from posecast_relay.deletion_record import RECORD_BYTES_MAX, pack_deletion, unpack_deletion
+from posecast_relay.past.deletion_record import RECORD_BYTES_MAX, pack_deletion, unpack_deletion
+from posecast_relay.past.deletions import KNOWN_MAX, Deletion
 
 KEPT_MS = 30 * 86_400_000
 KEY = re.compile(rf"{TOMBSTONES}/([^/]+)/([0-9]{{1,16}})-([0-9a-f]{{16}})\.(json|done)", re.ASCII)

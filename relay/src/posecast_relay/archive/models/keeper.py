@@ -18,9 +18,9 @@ from collections.abc import Callable, Collection
 
 from posecast_relay.archive.names import MODELS
 from posecast_relay.archive.object_store import ArchiveError, ObjectStore
-from posecast_relay.core.past.kept_segment import KeptSegment
 from posecast_relay.kit import write_count
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
+from posecast_relay.past.segment import KeptSegment
 
 log = logging.getLogger("posecast_relay")
 

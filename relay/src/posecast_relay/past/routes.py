@@ -1,8 +1,8 @@
 """The HTTP routes of the past: how far back the caller may look, the indexes, and the segments.
 
 Each request goes through the same admission as a live viewer. Segments use ASGI like any other response,
-not the raw transport that streams use: they end, so the usual bounds on requests and unread bytes and
-keep-alive apply to them.
+not the raw transport that streams use: they end, so the usual bounds on requests and unread bytes and keep-
+alive apply to them.
 """
 
 from __future__ import annotations
@@ -10,17 +10,18 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Awaitable, Callable
+from functools import wraps
 from http import HTTPStatus
 from typing import Any, NoReturn, TypeVar
 
 from fastapi import FastAPI, HTTPException, Request, Response
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.past_reader import NotYet
 from posecast_relay.core.policy import HIDDEN, Grant, find_past_window
-from posecast_relay.http.past import documents
-from posecast_relay.http.past.address import (
+from posecast_relay.net.answer_cache import has_already
+from posecast_relay.net.request import OPEN, require_grant
+from posecast_relay.past import documents
+from posecast_relay.past.documents import (
     AddressError,
     PastSpan,
     read_after,
@@ -31,11 +32,47 @@ from posecast_relay.http.past.address import (
     read_span,
     read_take,
 )
-from posecast_relay.http.past.desk import Found, PastDesk, ShownPage
-from posecast_relay.http.past.refusals import NO_STORE, READABLE, tell_caches
-from posecast_relay.net.answer_cache import has_already
-from posecast_relay.net.request import OPEN, require_grant
-from posecast_relay.past_source import PastAway
+from posecast_relay.past.reading import NotYet
+from posecast_relay.past.segment import KeptSegment, SegmentName
+from posecast_relay.past.service import Found, PastDesk, ShownPage
+from posecast_relay.past.source import PastAway
+
+NO_STORE = {"cache-control": "private, no-store"}
+# headers that pages of other origins may read
+READABLE = {"access-control-expose-headers": "age, date, etag, retry-ms, retry-after"}
+FOR_A_SECOND = READABLE | {"cache-control": "public, max-age=1", "vary": "authorization"}
+# Statuses that may pass: a blackout, a robot that is not there yet, Redis away. Also malformed addresses;
+# the response to one that contains a token is already marked as not cacheable.
+SAME_FOR_ALL = frozenset((400, 403, 404, 501, 503))
+
+
+def tell_caches(route: Callable[..., Awaitable[Response]]) -> Callable[..., Awaitable[Response]]:
+    """Wrap a route, which takes `request` by name, so that its refusals have a `cache-control` header.
+
+    That is the refusal's own header, or one that fits the caller.
+    """
+
+    @wraps(route)
+    async def answer(**asked: Any) -> Response:
+        try:
+            return await route(**asked)
+        except HTTPException as e:
+            headers = _choose_headers(asked["request"], e.status_code) | dict(e.headers or {})
+            raise HTTPException(e.status_code, e.detail, headers) from None
+
+    return answer
+
+
+def _choose_headers(request: Request, status: int) -> dict[str, str]:
+    """Let caches keep refusals for a second, but only those for callers without a token.
+
+    In a blackout many lane readers request the same address again and again. A response that may not be
+    cached is passed on for each of them, and Varnish continues to do so for two minutes. A caller with a
+    token may get another response, so it varies with that.
+    """
+    shows_token = "authorization" in request.headers
+    return NO_STORE if shows_token or status not in SAME_FOR_ALL else FOR_A_SECOND
+
 
 T = TypeVar("T")
 

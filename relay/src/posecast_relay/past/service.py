@@ -1,28 +1,221 @@
-"""What the routes of the past need from a process: what a caller may see of recent and older data.
-
-Months are searched by day, a day by minute, and only ten minutes by segment. All follow the same rules: who
-could see it live, how far back they may look, and what was withdrawn.
-"""
+"""Makes pages of KEYs (SPEC §11) from kept segments, one at a time, off the event loop."""
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import math
-from collections.abc import Callable, Iterable
+import time
+from collections import Counter, OrderedDict
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import islice
 from typing import NamedTuple
 
-from posecast_relay.core.past.day_index import DayIndex, MinuteRow, sum_minutes
-from posecast_relay.core.past.day_reach import DayReach
-from posecast_relay.core.past.deletions import Deletion, Deletions
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.past_reader import NotYet, PastReader
-from posecast_relay.core.past.unseen import Unseen
+from posecast_wire.key_page import KeyPose, encode_key_page, pick_pose
+
 from posecast_relay.core.policy import Grant, Policy, find_past_window
-from posecast_relay.http.past.address import DAY_MS, PAGE_MS, PastSpan
-from posecast_relay.http.past.extent import PastExtent
-from posecast_relay.http.past.held_requests import HeldRequests
-from posecast_relay.http.past.key_pages import KeyPages
 from posecast_relay.net.answer_cache import AnswerCache
-from posecast_relay.past_source import PastAway, PastSource
+from posecast_relay.past.deletions import Deletion, Deletions
+from posecast_relay.past.documents import DAY_MS, PAGE_MS, PastExtent, PastSpan
+from posecast_relay.past.index import DayIndex, DayReach, MinuteRow, sum_minutes
+from posecast_relay.past.reading import NotYet, PastReader, Unseen
+from posecast_relay.past.segment import KeptSegment, SegmentName
+from posecast_relay.past.source import PastAway, PastSource
+
+log = logging.getLogger("posecast_relay")
+
+POSES_BYTES = 4 << 20  # cached poses: picking one takes a tenth of a millisecond
+POSE_BYTES = 500  # Python's overhead for each
+WAITING_MAX = 32  # concurrent requests for pages; any more are refused
+LOADED_BYTES = 1 << 20  # of stored segments loaded at a time, except for a single one
+LOADED_BYTES_MAX = 16 << 20  # of them for one page; a page that needs more has fewer poses
+
+Load = Callable[[Sequence[KeptSegment]], Awaitable[list[KeptSegment]]]
+
+
+class KeyPages:
+    """Makes pages of KEYs and caches some of the poses picked for them."""
+
+    def __init__(self) -> None:
+        self._worker = ThreadPoolExecutor(1, "key pages")
+        self._waiting = 0
+        self._poses: OrderedDict[SegmentName, KeyPose] = OrderedDict()  # most recently used last
+        self._bytes = 0
+
+    async def make_page(
+        self, grant: Grant, from_ms: int, segments: Sequence[KeptSegment], every: int, load: Load
+    ) -> bytes | None:
+        """Return the page of the ten minutes from `from_ms`, unix ms, with a pose from every `every`-th
+        segment that has frames.
+
+        None if WAITING_MAX pages are already being made. `segments`: those that the grant may see; `load`
+        returns them with their bytes, without those that are gone.
+        """
+        if self._waiting >= WAITING_MAX:
+            return None
+        with_frames = sorted((each for each in segments if each.frames), key=lambda each: each.from_ms)
+        while len(with_frames[::every]) > 1 and self._sum_lacking(with_frames[::every]) > LOADED_BYTES_MAX:
+            every *= 2
+        loop = asyncio.get_running_loop()
+        poses: list[KeyPose] = []
+        self._waiting += 1
+        try:
+            for part in self._divide(with_frames[::every]):
+                whole = await load(part) if self._sum_lacking(part) else part
+                poses += await loop.run_in_executor(self._worker, self._pick_all, whole)
+            return await loop.run_in_executor(
+                self._worker, encode_key_page, grant.robot, grant.view, from_ms, poses
+            )
+        finally:
+            self._waiting -= 1
+
+    def forget(self, robot: str) -> None:
+        """Forget the poses of a robot because part of its past was deleted."""
+        for name in [name for name in self._poses if name.robot == robot]:
+            pose = self._poses.pop(name, None)  # the worker may have removed it first
+            self._bytes -= 0 if pose is None else _size(pose)
+
+    def _divide(self, segments: Sequence[KeptSegment]) -> list[list[KeptSegment]]:
+        """Divide them into parts that can be loaded at a time."""
+        parts: list[list[KeptSegment]] = [[]]
+        size = 0
+        for segment in segments:
+            size += (more := self._sum_lacking([segment]))
+            if size > LOADED_BYTES and parts[-1]:
+                parts.append([])
+                size = more
+            parts[-1].append(segment)
+        return parts
+
+    def _sum_lacking(self, segments: Sequence[KeptSegment]) -> int:
+        """Return how many bytes must be loaded because their pose is not cached."""
+        return sum(each.elsewhere_bytes for each in segments if each.name not in self._poses)
+
+    def _pick_all(self, segments: Sequence[KeptSegment]) -> list[KeyPose]:
+        return [pose for segment in segments if (pose := self._pick(segment)) is not None]
+
+    def _pick(self, segment: KeptSegment) -> KeyPose | None:
+        pose = self._poses.get(segment.name)
+        if pose is not None:
+            self._poses.move_to_end(segment.name)
+            return pose
+        pose = pick_pose(segment.data) if segment.data else None  # otherwise its pose was cached a moment ago
+        if pose is not None:
+            self._poses[segment.name] = pose
+            self._bytes += _size(pose)
+            while self._bytes > POSES_BYTES:
+                self._bytes -= _size(self._poses.popitem(last=False)[1])
+        return pose
+
+
+def _size(pose: KeyPose) -> int:
+    return POSE_BYTES + len(pose.frame) + sum(map(len, pose.copies))
+
+
+# HTTP requests that wait for the next segment. Their number is bounded, and they end when the relay stops.
+
+
+HELD_MAX = 1000  # at once, 31 kB each (65 kB with long headers); any more are answered at once
+WOKEN_PER_TURN = 8  # each takes a quarter of a millisecond; live data goes out in between
+TOLD_EVERY_S = 60.0  # how often to log that the limit is reached
+
+
+class HeldRequests:
+    """The requests of a process that wait for a new segment of a robot's view. `now`: seconds."""
+
+    def __init__(self, most: int = HELD_MAX, now: Callable[[], float] = time.monotonic) -> None:
+        self._most = most
+        self._now = now
+        self._told_s: float | None = None  # when the log last reported the limit
+        self._waiting: dict[tuple[str, str], set[asyncio.Future[None]]] = {}
+        self._woken: dict[asyncio.Future[None], None] = {}  # to be answered, in this order
+        self._released = False
+        self.count = 0  # waiting now
+        self.turned_away = 0  # answered at once because of the limit
+        self.answers: Counter[str] = Counter()  # of all requests for segments, waiting or not, by result
+
+    @contextmanager
+    def hold(self) -> Iterator[bool]:
+        """Hold one more request within the context. Yields False if it may not wait."""
+        if self._released or self.count >= self._most:
+            if not self._released:
+                self._turn_away()
+            yield False
+            return
+        self.count += 1
+        try:
+            yield True
+        finally:
+            self.count -= 1
+
+    async def wait(self, robot: str, view: str, seconds: float) -> bool:
+        """Wait until a view has a new segment, at most `seconds`.
+
+        Returns False if the relay is stopping: there is nothing left to wait for.
+        """
+        if self._released:
+            return False
+        key = robot, view
+        woken: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        waiting = self._waiting.setdefault(key, set())
+        waiting.add(woken)
+        try:
+            await asyncio.wait((woken,), timeout=max(0.0, seconds))
+        finally:
+            waiting.discard(woken)
+            self._woken.pop(woken, None)
+            if not waiting and self._waiting.get(key) is waiting:
+                del self._waiting[key]
+        return not self._released
+
+    def list_waiting(self) -> list[tuple[str, str]]:
+        """Return the robots and views with waiting requests."""
+        return list(self._waiting)
+
+    def wake(self, robot: str, view: str) -> None:
+        """Wake the requests that wait for this view, a few in each turn of the event loop."""
+        waiting = self._waiting.get((robot, view))
+        if waiting and not self._woken:
+            asyncio.get_running_loop().call_soon(self._let_some_go)
+        self._woken.update(dict.fromkeys(waiting or ()))
+
+    def _turn_away(self) -> None:
+        """Count a request over the limit, and log it from time to time."""
+        self.turned_away += 1
+        now_s = self._now()
+        if self._told_s is None or now_s - self._told_s >= TOLD_EVERY_S:
+            self._told_s = now_s
+            log.warning(
+                "the past: %d requests wait for the next segment, the limit: %d answered at once so far",
+                self._most,
+                self.turned_away,
+            )
+
+    def _let_some_go(self) -> None:
+        for woken in list(islice(self._woken, WOKEN_PER_TURN)):
+            del self._woken[woken]
+            if not woken.done():
+                woken.set_result(None)
+        if self._woken:
+            asyncio.get_running_loop().call_soon(self._let_some_go)
+
+    def wake_all(self) -> None:
+        """Wake all requests, because the rules have changed."""
+        for robot, view in self._waiting:
+            self.wake(robot, view)
+
+    def release(self) -> None:
+        """End all waiting requests and accept no more, because the relay is stopping."""
+        self._released = True
+        self.wake_all()
+
+
+# What the routes of the past need from a process: what a caller may see of recent and older data.
+#
+# Months are searched by day, a day by minute, and only ten minutes by segment. All follow the same rules:
+# who could see it live, how far back they may look, and what was withdrawn.
 
 Found = KeptSegment | SegmentName | NotYet | None
 

@@ -9,7 +9,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.past.segment import KeptSegment
 
 KNOWN_MAX = 10_000  # some megabytes; beyond that the oldest is forgotten, which was executed long ago
 

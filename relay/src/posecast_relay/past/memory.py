@@ -1,25 +1,16 @@
-"""Keeps the past in memory: one limit in bytes for the process, shared fairly among robots."""
+"""The past in this process's own memory: one limit in bytes for the process, shared fairly among robots."""
 
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
-from typing import NamedTuple
 
-from posecast_relay.core.past.deletions import Deletion
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
+from posecast_relay.past.deletions import Deletion
+from posecast_relay.past.segment import PAGE_MS, KeptSegment, SegmentName, TakeSpan
+from posecast_relay.past.source import ListWaiting, RecentOnly, Wake
 
 Listener = Callable[[KeptSegment], None]
-PAGE_MS = 600_000  # segments are grouped by the page of this length in which they begin
-
-
-class TakeSpan(NamedTuple):
-    """A take that has segments here, with the indexes of its oldest and newest one."""
-
-    take: int
-    first_index: int
-    last_index: int
 
 
 class _SchemaText:
@@ -270,3 +261,35 @@ class MemoryPast:
     def _list_view(self, robot: str, view: str) -> deque[KeptSegment] | tuple[()]:
         shelf = self._shelves.get(robot)
         return () if shelf is None else shelf.views.get(view, ())
+
+
+class MemoryPastSource(RecentOnly):
+    """A PastSource in this process: it never has to wait."""
+
+    kept: MemoryPast
+
+    def __init__(self, kept: MemoryPast) -> None:
+        self.kept = kept
+
+    @property
+    def is_older(self) -> bool:
+        """Whether it may hold data recorded before this process started."""
+        return False
+
+    def follow(self, _list_waiting: ListWaiting, wake: Wake) -> None:
+        """Call `wake` with the robot and view of each added segment."""
+        self.kept.on_added(lambda segment: wake(segment.name.robot, segment.name.view))
+
+    def find_trouble(self) -> None:
+        """Return None: memory can always be read."""
+
+    async def refresh(self, robot: str, view: str, *, anew: bool = False) -> None:
+        """Do nothing: everything is here."""
+
+    async def load(self, segments: Sequence[KeptSegment]) -> list[KeptSegment]:
+        """Return them unchanged."""
+        return list(segments)
+
+    async def load_schema(self, robot: str, view: str, sha256: bytes) -> str | None:
+        """Return the text of a schema that one of a view's segments names."""
+        return self.kept.find_schema_text(robot, view, sha256)

@@ -1,4 +1,5 @@
-"""Encodes the index entry of a segment, as it is stored next to the bytes in Redis and in an object store.
+"""A closed segment: its bytes, the facts that an index holds about it, and their encoding as the index entry
+that is stored next to the bytes in Redis and in an object store.
 
 Input is not trusted. If it is malformed or of another version, reading raises ValueError with a one-line
 message.
@@ -8,14 +9,109 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
-from typing import Any, cast, get_args
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, cast, get_args
 
 from posecast_wire.checked import loads
 from posecast_wire.messages import RobotStatus
 
-from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
 from posecast_relay.core.policy import Audience
+
+OBJECT_BYTES = 1000  # Python's overhead for one segment, its name and its index entry
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentName:
+    """The unique name of a segment. `take`: u64; `index`: its position in the take, from 0."""
+
+    robot: str
+    view: str
+    take: int
+    index: int
+
+
+class PastEvent(NamedTuple):
+    """An event. `at_ms`: when it was accepted, unix ms; `text`: the JSON that every viewer got."""
+
+    at_ms: int
+    text: str
+
+
+class PastWord(NamedTuple):
+    """The robot's status from `at_ms` on, unix ms."""
+
+    at_ms: int
+    word: RobotStatus
+
+
+@dataclass(frozen=True, slots=True)
+class KeptSegment:
+    """A closed segment.
+
+    `run`: u64, 0 if none was known; `from_ms`, `to_ms`: unix ms; `missing`: frames lost since the previous
+    segment; `schema`: SHA-256 of `schema_text`, or None; `model`: SHA-256 of the manifest at the start, in
+    hexadecimal; `sha256`: of `data`; `words`: the first is the status at the start; `faults`: how many of
+    `events` begin a fault; `audiences`: those that could see all of it live.
+    """
+
+    name: SegmentName
+    run: int
+    from_ms: int
+    to_ms: int
+    frames: int
+    first_seq: int
+    last_seq: int
+    missing: int
+    schema: bytes | None
+    model: str | None
+    data: bytes = field(repr=False)
+    sha256: bytes
+    events: tuple[PastEvent, ...]
+    words: tuple[PastWord, ...]
+    faults: int
+    audiences: frozenset[Audience]
+    schema_text: str | None = field(default=None, repr=False)  # shared by all segments with that schema
+    elsewhere_bytes: int = 0  # its size if its bytes are not here; `data` is then empty
+
+    @property
+    def size(self) -> int:
+        """Its size in bytes, wherever the bytes are."""
+        return len(self.data) + self.elsewhere_bytes
+
+    @property
+    def cost_bytes(self) -> int:
+        """How many bytes of memory it takes, without its schema's text."""
+        return OBJECT_BYTES + len(self.data) + sum(200 + 2 * len(event.text) for event in self.events)
+
+
+PAGE_MS = 600_000  # segments are grouped by the page of this length in which they begin
+
+
+class TakeSpan(NamedTuple):
+    """A take that has segments here, with the indexes of its oldest and newest one."""
+
+    take: int
+    first_index: int
+    last_index: int
+
+
+LETTERS = {Audience.ANYONE: "a", Audience.LINK: "l", Audience.SIGNED_IN: "s"}
+NOBODY = "x"
+FORM = re.compile("a?l?s?|x", re.ASCII)
+
+
+def write_letters(audiences: Iterable[Audience]) -> str:
+    """Return one letter for each audience, sorted; x for none."""
+    return "".join(sorted(LETTERS[audience] for audience in audiences)) or NOBODY
+
+
+def read_letters(text: str) -> frozenset[Audience]:
+    """Parse what `write_letters` wrote. Raises ValueError."""
+    if not text or not FORM.fullmatch(text):
+        raise ValueError("invalid audiences")
+    return frozenset(audience for audience, letter in LETTERS.items() if letter in text)
+
 
 VERSION = 1
 RECORD_BYTES_MAX = 1 << 22  # a segment holds at most 1 MB of events; escaping can make them longer

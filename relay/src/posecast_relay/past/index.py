@@ -3,6 +3,8 @@ models.
 
 It is built from segments alone, so it can be rebuilt at any time. Input is not trusted: malformed input
 raises ValueError with a one-line message.
+
+From it follows a summary for looking through months: which audiences could see anything of a day, and when.
 """
 
 from __future__ import annotations
@@ -15,11 +17,16 @@ from typing import Any, NamedTuple, TypeVar, get_args
 from posecast_wire.checked import loads
 from posecast_wire.messages import RobotStatus
 
-from posecast_relay.core.past.audience_letters import read_letters, write_letters
-from posecast_relay.core.past.kept_segment import KeptSegment, PastWord
-from posecast_relay.core.past.memory_store import PAGE_MS, TakeSpan
-from posecast_relay.core.past.segment_record import dump_json
 from posecast_relay.core.policy import Audience
+from posecast_relay.past.segment import (
+    PAGE_MS,
+    KeptSegment,
+    PastWord,
+    TakeSpan,
+    dump_json,
+    read_letters,
+    write_letters,
+)
 
 T = TypeVar("T")
 
@@ -327,3 +334,50 @@ def _list(found: object, most: int) -> list[Any]:
     if not isinstance(found, list) or len(found) > most:
         raise ValueError("day: invalid list")
     return found
+
+
+REACH_BYTES, SPAN_BYTES = 600, 250  # overhead of Python objects
+
+
+class SeenSpan(NamedTuple):
+    """A time span, unix ms, in which some audiences could see something."""
+
+    audiences: frozenset[Audience]
+    from_ms: int
+    to_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class DayReach:
+    """The summary of a day. `takes`: the first and last index of each take; `schemas`, `models`: SHA-256."""
+
+    day_ms: int
+    spans: tuple[SeenSpan, ...]
+    takes: dict[int, TakeSpan]
+    schemas: frozenset[str]
+    models: frozenset[str] = frozenset()
+
+    @property
+    def cost_bytes(self) -> int:
+        """Roughly how many bytes of memory it takes."""
+        rows = len(self.spans) + len(self.takes) + len(self.schemas) + len(self.models)
+        return REACH_BYTES + SPAN_BYTES * rows
+
+
+def reach_day(day: DayIndex) -> DayReach:
+    """Summarise a day's index."""
+    spans: dict[str, SeenSpan] = {}
+    takes: dict[int, TakeSpan] = {}
+    for row in day.list_minutes():
+        letters = write_letters(row.audiences)
+        span = spans.get(letters, SeenSpan(row.audiences, row.from_ms, row.to_ms))
+        spans[letters] = SeenSpan(row.audiences, min(span.from_ms, row.from_ms), max(span.to_ms, row.to_ms))
+    for page in day.list_pages():
+        for take in page.takes:
+            known = takes.get(take.take, take)
+            first, last = min(known.first_index, take.first_index), max(known.last_index, take.last_index)
+            takes[take.take] = TakeSpan(take.take, first, last)
+    return DayReach(
+        *(day.day_ms, tuple(spans.values()), takes),
+        *(frozenset(day.find_schemas()), frozenset(day.find_models())),
+    )

@@ -13,8 +13,8 @@ import secrets
 from posecast_wire import check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.core.past.deletions import Deletion
 from posecast_relay.kit import json_bytes
+from posecast_relay.past.deletions import Deletion
 
 VERSION = 1
 RECORD_BYTES_MAX = 4096

@@ -7,13 +7,34 @@ elsewhere, can take time.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from posecast_relay.core.past.day_index import DayIndex
-from posecast_relay.core.past.day_reach import DayReach
-from posecast_relay.core.past.kept_past import KeptPast
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
 from posecast_relay.core.policy import Audience
+from posecast_relay.past.index import DayIndex, DayReach
+from posecast_relay.past.segment import KeptSegment, SegmentName, TakeSpan
+
+
+class KeptPast(Protocol):
+    """The segments of all robots and views. Those of a view are in the order in which they were added."""
+
+    def find(self, name: SegmentName) -> KeptSegment | None:
+        """Return the segment with this name; None if it is not here, or no longer."""
+
+    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
+        """Return the oldest segment of a view that is still here, by when it was added."""
+
+    def list_segments(
+        self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
+    ) -> list[KeptSegment]:
+        """Return the segments that begin between `from_ms` and `to_ms` (exclusive), unix ms; None: no end."""
+
+    def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
+        """Return the takes that have segments here, in the order in which they began."""
+
+    def list_after(self, name: SegmentName) -> list[KeptSegment]:
+        """Return the segments of the same view that were added after this one; all of them if it is not
+        here."""
+
 
 ListWaiting = Callable[[], Iterable[tuple[str, str]]]
 Wake = Callable[[str, str], None]
@@ -85,3 +106,26 @@ class PastSource(Protocol):
 
         Raises PastAway.
         """
+
+
+class RecentOnly:
+    """Answers for older days, of which there are none. `kept`: as in PastSource."""
+
+    kept: Any  # a KeptPast, as an attribute or a property
+
+    async def reach_span(self, *_asked: object) -> ReachedPast:
+        """Return the recent past."""
+        return ReachedPast(self.kept, True)
+
+    async def reach_segment(self, *_asked: object) -> KeptPast:
+        """Return the recent past."""
+        past: KeptPast = self.kept
+        return past
+
+    async def load_reaches(self, *_asked: object) -> list[DayReach]:
+        """Return no days."""
+        return []
+
+    async def load_day(self, robot: str, view: str, day_ms: int) -> DayIndex:
+        """Return an empty day."""
+        return DayIndex(robot, view, day_ms)
