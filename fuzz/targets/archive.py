@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from posecast_relay.archive.deletion.tombstones import KEY, make_stem
+from posecast_relay.archive.deletion import KEY, make_stem
+from posecast_relay.archive.index import make_segment_record, pack_index, unpack_index
 from posecast_relay.archive.names import ArchivedName, is_unfinished, read_segment_key
-from posecast_relay.archive.page_index import make_segment_record, pack_index, unpack_index
 from posecast_relay.past.deletion_record import pack_deletion, unpack_deletion
 from posecast_relay.past.index import digest_page, pack_day, reach_day, unpack_day
 from posecast_relay.past.segment import SegmentName, pack_record, unpack_record

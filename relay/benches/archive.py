@@ -13,8 +13,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from posecast_relay.archive.indexer import Indexer
-from posecast_relay.archive.object_store import open_object_store
+from posecast_relay.archive.store import open_object_store
+from posecast_relay.archive.upkeep import Indexer
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.past.segment import KeptSegment
 

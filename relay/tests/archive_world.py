@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from posecast_relay.archive.indexer import Indexer
-from posecast_relay.archive.joined_past import JoinedPast
-from posecast_relay.archive.object_store import ObjectStore, open_object_store
+from posecast_relay.archive.joined import JoinedPast
 from posecast_relay.archive.reader import ArchiveReader
+from posecast_relay.archive.store import ObjectStore, open_object_store
+from posecast_relay.archive.upkeep import Indexer
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.past.memory import MemoryPast, MemoryPastSource
 from posecast_relay.past.segment import KeptSegment

@@ -10,7 +10,16 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from posecast_relay.archive.day_file import check_day, list_days, load_day
+from posecast_relay.archive.index import (
+    check_day,
+    forget_bytes,
+    list_days,
+    load_day,
+    load_page,
+    make_segment_record,
+    pack_index,
+    unpack_index,
+)
 from posecast_relay.archive.names import (
     DAY_MS,
     PAGE_MS,
@@ -18,13 +27,6 @@ from posecast_relay.archive.names import (
     make_index_key,
     name_segment,
     read_segment_key,
-)
-from posecast_relay.archive.page_index import (
-    forget_bytes,
-    load_page,
-    make_segment_record,
-    pack_index,
-    unpack_index,
 )
 from posecast_relay.core.policy import Audience
 from posecast_relay.past.index import DayIndex, digest_page, pack_day, reach_day, sum_minutes, unpack_day

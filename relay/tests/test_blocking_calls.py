@@ -23,7 +23,7 @@ from posecast_testing import until_async
 HANGS = """
 import asyncio, os, sys, time
 from types import SimpleNamespace
-from posecast_relay.archive.object_store import ArchiveAway, open_object_store
+from posecast_relay.archive.store import ArchiveAway, open_object_store
 from posecast_relay.auth.tokens import Tokens
 
 def hang(_):

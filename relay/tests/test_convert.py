@@ -19,8 +19,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.models.keeper import make_model_key
-from posecast_relay.archive.object_store import open_object_store
+from posecast_relay.archive.models import make_model_key
+from posecast_relay.archive.store import open_object_store
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.export import recording_files
 from posecast_relay.past.segment import KeptSegment

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.object_store import NO_SPACE, ArchiveRefused, ObjectStore
+from posecast_relay.archive.store import NO_SPACE, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.past.command_socket import PastSocket
 from posecast_relay.past.deletions import Deletions

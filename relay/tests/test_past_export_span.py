@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.object_store import open_object_store
+from posecast_relay.archive.store import open_object_store
 from posecast_relay.export.held_time import HeldTime
 from posecast_relay.past.segment import KeptSegment
 from posecast_relay.past_command.common import write_moment, write_moment_utc

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.object_store import open_object_store
+from posecast_relay.archive.store import open_object_store
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.export.recording_files import RecordingFolder
 from posecast_relay.export.span import ExportedSpan

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.deletion.tombstones import put_tombstone
-from posecast_relay.archive.models.keeper import make_model_key
+from posecast_relay.archive.deletion import put_tombstone
+from posecast_relay.archive.models import make_model_key
 from posecast_relay.archive.names import make_schema_key, name_segment
-from posecast_relay.archive.object_store import ObjectStore, open_object_store
+from posecast_relay.archive.store import ObjectStore, open_object_store
 from posecast_relay.core.policy import Audience
 from posecast_relay.past.deletions import Deletion
 from posecast_relay.past.segment import KeptSegment

@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
-from posecast_relay.archive.day_file import list_days, load_day
+from posecast_relay.archive.index import Known, LoadedPage, list_days, load_day, load_page
 from posecast_relay.archive.names import (
     DAY_MS,
     PAGE_MS,
@@ -24,8 +24,7 @@ from posecast_relay.archive.names import (
     may_be_archived,
     name_segment,
 )
-from posecast_relay.archive.object_store import ArchiveError, ObjectStore
-from posecast_relay.archive.page_index import Known, LoadedPage, load_page
+from posecast_relay.archive.store import ArchiveError, ObjectStore
 from posecast_relay.kit import ExpiringCache
 from posecast_relay.past.index import LONGEST_MS, DayIndex, DayReach, digest_page, reach_day
 from posecast_relay.past.segment import OBJECT_BYTES, KeptSegment, SegmentName

@@ -30,7 +30,6 @@ from posecast_relay.past.memory import MemoryPast
 
 log = logging.getLogger("posecast_relay")
 
-
 LINE_BYTES_MAX = 1 << 16
 PATIENCE_S = 5.0  # to receive a whole line
 DAY_MS = 86_400_000

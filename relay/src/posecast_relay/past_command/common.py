@@ -16,7 +16,7 @@ from typing import Any
 from posecast_wire import check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.archive.object_store import ObjectStore, open_object_store
+from posecast_relay.archive.store import ObjectStore, open_object_store
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.config.store_url import StoreUrlError, check_store_url, is_store_url
 from posecast_relay.kit import json_bytes

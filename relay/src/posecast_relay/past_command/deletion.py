@@ -10,10 +10,9 @@ from collections.abc import Mapping
 
 from posecast_wire.command_line.progress_bar import ProgressBar
 
-from posecast_relay.archive.deletion.eraser import Erased, erase, find_covered
-from posecast_relay.archive.deletion.tombstones import put_tombstone
+from posecast_relay.archive.deletion import Erased, erase, find_covered, put_tombstone
 from posecast_relay.archive.names import TOMBSTONES
-from posecast_relay.archive.object_store import NO_SPACE, ArchiveError, ArchiveRefused, ObjectStore
+from posecast_relay.archive.store import NO_SPACE, ArchiveError, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.kit import write_count
 from posecast_relay.past.deletion_record import make_deletion, pack_deletion

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from posecast_wire.command_line.progress_bar import ProgressBar
 
 from posecast_relay.archive.names import DAY_MS, read_segment_key, write_day
-from posecast_relay.archive.object_store import ObjectStore
+from posecast_relay.archive.store import ObjectStore
 from posecast_relay.kit import write_count
 from posecast_relay.past_command.common import (
     OTHER_VERSION,

@@ -9,7 +9,7 @@ from typing import NamedTuple, NoReturn
 
 from posecast_wire.command_line.parser import CommandParser
 
-from posecast_relay.archive.object_store import ArchiveError
+from posecast_relay.archive.store import ArchiveError
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.past_command import deletion, export, listing
 from posecast_relay.past_command.common import CommandFailed, RelayAway

@@ -10,16 +10,13 @@ import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from posecast_relay.archive.background_trouble import BackgroundTrouble
-from posecast_relay.archive.deletion.tombstone_follower import TombstoneFollower
-from posecast_relay.archive.deletion.unnamed_sweep import NamedHashes, sweep_unnamed
-from posecast_relay.archive.indexer import Indexer
-from posecast_relay.archive.joined_past import JoinedPast
-from posecast_relay.archive.models.keeper import ModelKeeper
-from posecast_relay.archive.models.source import JoinedModelSource
+from posecast_relay.archive.deletion import NamedHashes, TombstoneFollower, sweep_unnamed
+from posecast_relay.archive.joined import JoinedPast
+from posecast_relay.archive.models import JoinedModelSource, ModelKeeper
 from posecast_relay.archive.names import PageKey
-from posecast_relay.archive.object_store import ArchiveError, ObjectStore, open_object_store
 from posecast_relay.archive.reader import ArchiveReader
+from posecast_relay.archive.store import ArchiveError, BackgroundTrouble, ObjectStore, open_object_store
+from posecast_relay.archive.upkeep import Indexer
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.config.settings import Settings, StartError
 from posecast_relay.config.store_url import StoreUrlError

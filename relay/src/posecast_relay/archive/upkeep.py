@@ -1,8 +1,8 @@
 """Keeps the indexes of an object store correct and deletes expired data: in the background, one task at a
 time.
 
-An index is written after its ten minutes have ended, and when the process stops. After a start it checks all
-days, newest first. An index that disagrees with the listing, for example after a crash, is rebuilt.
+An index is written after its ten minutes have ended, and when the process stops. After a start it checks
+all days, newest first. An index that disagrees with the listing, for example after a crash, is rebuilt.
 """
 
 from __future__ import annotations
@@ -11,18 +11,66 @@ import asyncio
 import contextlib
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 
-from posecast_relay.archive.background_trouble import BackgroundTrouble
-from posecast_relay.archive.day_file import check_day, list_days, load_day, mend_day, mend_page
-from posecast_relay.archive.free_space import SpaceWatch
-from posecast_relay.archive.names import DAY_MS, PAGE_MS, TOMBSTONES, PageKey
-from posecast_relay.archive.object_store import ArchiveError, ObjectStore
-from posecast_relay.archive.retention import SPARE_MS, delete_old, list_views
+from posecast_relay.archive.index import (
+    check_day,
+    delete_page,
+    list_days,
+    list_pages,
+    list_views,
+    load_day,
+    mend_day,
+    mend_page,
+)
+from posecast_relay.archive.names import (
+    DAY_MS,
+    PAGE_MS,
+    TOMBSTONES,
+    ArchivedName,
+    PageKey,
+    make_day_key,
+)
+from posecast_relay.archive.store import ArchiveError, BackgroundTrouble, ObjectStore, SpaceWatch
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.kit import write_count
 
 log = logging.getLogger("posecast_relay")
+
+SPARE_MS = 10_000  # this long after their end, the last segment that began in ten minutes has ended
+
+
+async def delete_old(
+    store: ObjectStore, robot: str, keep_s: float, unix_ms: int
+) -> AsyncIterator[tuple[str, int, list[ArchivedName]]]:
+    """Delete a robot's data that is older than `keep_s` at the time `unix_ms`, day by day, oldest first.
+
+    Yields what was deleted, by view and day, after each. Raises ArchiveError; you can then start again.
+    """
+    before_ms = unix_ms - round(1000 * keep_s)
+    for view in await list_views(store, robot):
+        for day_ms in await list_days(store, robot, view):
+            if day_ms + PAGE_MS + SPARE_MS > before_ms:
+                break
+            gone: list[ArchivedName] = []
+            pages = await list_pages(store, robot, view, day_ms)
+            old = [page_ms for page_ms in pages if page_ms + PAGE_MS + SPARE_MS <= before_ms]
+            for page_ms in old:
+                gone += await delete_page(store, robot, view, page_ms)
+            if day_ms + DAY_MS + SPARE_MS <= before_ms:
+                await store.delete(make_day_key(robot, view, day_ms))
+            elif gone:
+                await mend_day(store, robot, view, day_ms, dict.fromkeys(old))
+            if gone or day_ms + DAY_MS + SPARE_MS <= before_ms:
+                yield view, day_ms, gone
+
+
+# Keeps the indexes of an object store correct and deletes expired data: in the background, one task at a
+# time.
+#
+# An index is written after its ten minutes have ended, and when the process stops. After a start it checks
+# all days, newest first. An index that disagrees with the listing, for example after a crash, is rebuilt.
+
 
 LOOK_S = 1.0  # between two looks for work
 ENDED_S = 15.0  # between two looks for ten minutes that have ended

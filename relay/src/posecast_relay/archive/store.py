@@ -5,15 +5,19 @@ A URL gives the location. Credentials come from the environment, as obstore (Rus
 `GOOGLE_APPLICATION_CREDENTIALS`; `AZURE_STORAGE_ACCOUNT_NAME`, `AZURE_STORAGE_ACCOUNT_KEY`. Every call ends
 within CALL_S. A failure raises ArchiveAway or ArchiveRefused with a one-line message without addresses or
 secrets.
+
+The log warns before a file store is full, and says once why background work on a store fails, even while no
+robot is online.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
 import re
-from collections.abc import AsyncIterator, Awaitable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from datetime import timedelta
 from itertools import islice
 from pathlib import Path
@@ -24,6 +28,8 @@ from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.config.store_url import StoreUrlError, check_store_url
 from posecast_relay.runtime.tasks import BlockingCalls
+
+log = logging.getLogger("posecast_relay")
 
 T = TypeVar("T")
 
@@ -338,3 +344,83 @@ def _list_folders(folder: Path) -> list[str]:
             return sorted(entry.name for entry in found if entry.is_dir(follow_symlinks=False))
     except (FileNotFoundError, NotADirectoryError):
         return []
+
+
+LEAST_SHARE, LEAST_BYTES = 0.1, 1 << 30  # warn below either of these
+SMALL_SHARE = 0.25  # instead of LEAST_BYTES if it is less: most of a small disk is never free
+CALM = 1.2  # the warning ends at this multiple of the limit
+
+
+class SpaceWatch:
+    """The free space of a store; only known for a local folder."""
+
+    def __init__(self, store: ObjectStore, least_bytes: int = LEAST_BYTES) -> None:
+        self.space: FreeSpace | None = None
+        self._store = store
+        self._least_bytes = least_bytes
+        self._is_low = False
+        self._rule = ""  # the limit that was crossed
+
+    async def look(self) -> None:
+        """Measure, and log a line when space becomes low or is sufficient again."""
+        try:
+            self.space = await self._store.measure_free()
+        except ArchiveError:
+            return  # the writer reports this
+        if self.space is None:
+            return
+        low = self._is_below(CALM if self._is_low else 1.0)
+        if low != self._is_low:
+            self._is_low, self._rule = low, self._find_rule()
+            what = "the disk is nearly full" if low else "the disk has room again"
+            log.warning("the archive: %s: %s", what, self._describe())
+
+    def find_trouble(self) -> str | None:
+        """Return a warning if little space is left; None if there is enough, or if it is unknown."""
+        return f"the disk is nearly full: {self._describe()}" if self._is_low else None
+
+    def _describe(self) -> str:
+        assert self.space is not None
+        free, total = self.space
+        left = f"{free >> 20} MB, {100 * free // max(1, total)} % of it"
+        return f"{self._rule} is left, {left}" if self._is_low else left
+
+    def _find_rule(self) -> str:
+        assert self.space is not None
+        free, total = self.space
+        if free >= self._least_bytes:
+            return f"less than {100 * LEAST_SHARE:g} %"
+        if SMALL_SHARE * total < self._least_bytes:
+            return f"less than {100 * SMALL_SHARE:g} %"
+        return f"less than {self._least_bytes / (1 << 30):g} GiB"
+
+    def _is_below(self, factor: float) -> bool:
+        assert self.space is not None
+        free, total = self.space
+        few = min(self._least_bytes, SMALL_SHARE * total)
+        return free < factor * max(LEAST_SHARE * total, few)
+
+
+class BackgroundTrouble:
+    """Why parts of the background work currently fail. `is_told`: whether the log already reports the store
+    as away.
+    """
+
+    def __init__(self, is_told: Callable[[], bool] = lambda: False) -> None:
+        self._is_told = is_told
+        self._why: dict[str, str] = {}  # by part
+
+    def note_failure(self, part: str, why: str) -> None:
+        """Note that a part failed. Logs it if all was well before."""
+        if not self._why and not self._is_told():
+            log.warning("the archive: %s; retrying until it works", why)
+        self._why[part] = why
+
+    def note_success(self, part: str) -> None:
+        """Note that a part succeeded. Logs it if that was the last failing part."""
+        if self._why.pop(part, None) is not None and not self._why:
+            log.warning("the archive: the store works again")
+
+    def find_trouble(self) -> str | None:
+        """Return why a part fails; None if all is well. Callable from any thread."""
+        return next(iter(list(self._why.values())), None)
