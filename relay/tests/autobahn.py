@@ -25,7 +25,7 @@ from posecast_relay.auth.access import Access
 from posecast_relay.core import messages
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.net.sse import make_http_protocol
 from posecast_relay.net.websocket import LiveSocket
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore

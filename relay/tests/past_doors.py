@@ -20,7 +20,7 @@ from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy import Audience, Policy, Principal, Rule, list_lookers, make_link
 from posecast_relay.http.app import make_app
 from posecast_relay.models.cache import ModelCache
-from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.net.sse import make_http_protocol
 from posecast_relay.net.websocket import make_live_protocol
 from posecast_relay.past.memory import MemoryPast, MemoryPastSource

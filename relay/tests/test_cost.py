@@ -25,8 +25,7 @@ from posecast_relay.core.policy import read_link
 from posecast_relay.kit import json_bytes
 from posecast_relay.logging import visible
 from posecast_relay.models.manifest import read_manifest
-from posecast_relay.net.decode_cache import DecodeCache
-from posecast_relay.net.encodings import EventStreamEncoding
+from posecast_relay.net.encodings import DecodeCache, EventStreamEncoding
 from posecast_relay.net.request import join_all, read_bearer, read_target
 from posecast_relay.net.websocket import make_live_protocol, read_short_text
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore

@@ -6,7 +6,7 @@ import json
 
 from posecast_relay.http.robots import StateReader
 from posecast_relay.kit import CREDIT_S
-from posecast_relay.net.decode_cache import CHANNELS_PER_S, ROBOT_CHANNELS_PER_S, DecodeCache
+from posecast_relay.net.encodings import CHANNELS_PER_S, ROBOT_CHANNELS_PER_S, DecodeCache
 from posecast_wire import Schema, build_schema_text
 
 from .sim import World

@@ -13,7 +13,7 @@ from posecast_relay.auth.access import Access
 from posecast_relay.auth.tokens import Tokens
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.net.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, make_live_protocol
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut

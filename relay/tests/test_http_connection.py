@@ -18,7 +18,7 @@ import uvicorn
 from posecast_relay.auth.access import Access
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.net.http1 import (
     BODY_BYTES,
     HEAD_BYTES,

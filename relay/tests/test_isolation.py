@@ -240,7 +240,7 @@ def expected() -> list[Any]:
 def test_every_module_of_the_core_is_named_here_or_has_no_part_in_serving() -> None:
     found = {module.name for module in pkgutil.walk_packages(core.__path__, "core.")}
     apart = {"core.actions", "core.limits", "core.load", "core.policy"}  # nobody's
-    apart |= {"core.delayed", "core.mirror", "core.replica"}  # in files of their own
+    apart |= {"core.delayed", "core.replica"}  # in files of their own
     assert found - apart == set(MODULES) - {"past.recorder"}
 
 

@@ -28,8 +28,8 @@ OTHERS_OBJECTS = {
     ("logging.py", "threading.excepthook"),
     ("logging.py", "self._timer.daemon"),  # a threading.Timer takes it nowhere else
     ("server/http_server.py", "last.daemon"),
-    ("recording/zip_file.py", "entry.create_system"),  # zipfile.ZipInfo
-    ("recording/zip_file.py", "entry.external_attr"),
+    ("recording/output.py", "entry.create_system"),  # zipfile.ZipInfo
+    ("recording/output.py", "entry.external_attr"),
     ("zenoh/router.py", "sys.stdout"),
     ("runtime/fan_out.py", "self._syscall.restype"),  # ctypes
     ("net/http1.py", "cycle.disconnected"),  # uvicorn's own protocol does so

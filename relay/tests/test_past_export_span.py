@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.archive.store import open_object_store
-from posecast_relay.export.held_time import HeldTime
+from posecast_relay.export.table import HeldTime
 from posecast_relay.past.segment import KeptSegment
 from posecast_relay.past_command.common import write_moment, write_moment_utc
 from posecast_relay.past_command.main import run_past

@@ -33,7 +33,7 @@ from posecast_relay.http.robots import StateReader, make_robot_document, make_ro
 from posecast_relay.http.static import Guide, KeptFiles, Page
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
 from posecast_relay.net.answer_cache import AnswerCache
-from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.net.request import (
     OPEN,
     identify_asker,

@@ -16,12 +16,11 @@ from typing import cast
 from fastapi import Request, Response
 from starlette.types import Receive, Scope, Send
 
-from posecast_relay.http.accept_encoding import choose_encoding
 from posecast_relay.models.cache import ModelCache, ModelFile
 from posecast_relay.models.memory import ModelMemory
 from posecast_relay.net.answer_cache import has_already
 from posecast_relay.net.http1 import AnswerAborted
-from posecast_relay.net.request import OPEN
+from posecast_relay.net.request import OPEN, choose_encoding
 from posecast_relay.runtime.tasks import SharedTasks
 
 WORTH = 0.95  # a file that compresses worse is sent as it is

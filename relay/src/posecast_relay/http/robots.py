@@ -17,7 +17,7 @@ from posecast_relay.core.robot import Robot
 from posecast_relay.core.room import Room
 from posecast_relay.core.stream import Stream
 from posecast_relay.kit import json_bytes
-from posecast_relay.net.decode_cache import DecodeCache, list_field_values
+from posecast_relay.net.encodings import DecodeCache, list_field_values
 
 VEILED = {"age_ms": None, "seq": None, "hz": None, "model": None}
 

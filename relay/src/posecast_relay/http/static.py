@@ -22,9 +22,8 @@ from fastapi.staticfiles import StaticFiles
 from starlette.datastructures import Headers
 from starlette.types import Receive, Scope, Send
 
-from posecast_relay.http.accept_encoding import choose_encoding
 from posecast_relay.http.previews import LinkPreview, find_home, place_page, read_robots
-from posecast_relay.net.request import OPEN
+from posecast_relay.net.request import OPEN, choose_encoding
 
 POLICY_TAG = re.compile(r'(?i)<meta\s+http-equiv="content-security-policy"\s+content="([^"]*)"')
 PAGES_MAX = 256  # whose policies are cached

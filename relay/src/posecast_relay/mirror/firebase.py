@@ -22,9 +22,9 @@ import httpx
 from google.auth.credentials import Credentials
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.mirror import HZ, Mirror, NodeChange, VisibleRobot
 from posecast_relay.core.policy import ANYONE, Applicant, Grant
 from posecast_relay.kit import Breaker
+from posecast_relay.mirror.changes import HZ, Mirror, NodeChange, VisibleRobot
 from posecast_relay.runtime.tasks import BlockingCalls
 
 log = logging.getLogger("posecast_relay")

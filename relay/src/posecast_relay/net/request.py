@@ -1,17 +1,18 @@
-"""Reads a request: which stream a viewer wants, who sent it, what they may see, and which pages may read the
-answer.
+"""Reads a request: which stream a viewer wants, who sent it, what they may see, which pages may read the
+answer, and how it may be compressed.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from http import HTTPStatus
 from urllib.parse import parse_qs
 
 from fastapi import HTTPException, Request
 from posecast_wire import Close, check_name, clamp_hz
+from starlette.datastructures import Headers
 
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import is_loopback
@@ -199,3 +200,37 @@ def make_sharing_headers(request: Request, everybody: bool) -> dict[str, str]:
     origin = request.headers.get("origin")
     pages = {"access-control-allow-origin": origin, "vary": "origin"} if origin else {}
     return {"cache-control": "no-store"} | pages
+
+
+IDENTITY = "identity"  # not compressed
+WEIGHT = re.compile(r"(?:0(?:\.\d{0,3})?|1(?:\.0{0,3})?)")
+
+
+def choose_encoding(headers: Headers, offered: Sequence[str]) -> str | None:
+    """Return the client's choice of the encodings that the server has; None: send it uncompressed.
+
+    Of encodings that the client likes equally, the first one counts. A client that refuses everything else,
+    even what is uncompressed, gets it uncompressed all the same, as the RFC allows.
+    """
+    weights = _read_weights(", ".join(headers.getlist("accept-encoding")))
+    best, best_weight = None, weights.get(IDENTITY, 0.0)
+    for encoding in offered:
+        weight = weights.get(encoding, weights.get("*", 0.0))
+        if weight > best_weight or (weight == best_weight > 0.0 and best is None):
+            best, best_weight = encoding, weight
+    return best
+
+
+def _read_weights(header: str) -> dict[str, float]:
+    """Return the weight of each encoding in a header, in lower case. A malformed weight is no consent: 0."""
+    weights: dict[str, float] = {}
+    for part in header.lower().split(","):
+        name, *parameters = (text.strip() for text in part.split(";"))
+        weight = 1.0
+        for parameter in parameters:
+            key, _, value = (text.strip() for text in parameter.partition("="))
+            if key == "q":
+                weight = float(value) if WEIGHT.fullmatch(value) else 0.0
+        if name:
+            weights[name] = weight
+    return weights

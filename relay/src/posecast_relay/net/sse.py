@@ -23,8 +23,7 @@ from posecast_relay.auth.access import Access
 from posecast_relay.core import messages
 from posecast_relay.core.policy import ANYONE, DRAIN_RETRY_S, GOING, Applicant, Grant, Refusal
 from posecast_relay.core.viewer import Viewer
-from posecast_relay.net.decode_cache import DecodeCache
-from posecast_relay.net.encodings import Encoding, EventStreamEncoding, JsonEncoding
+from posecast_relay.net.encodings import DecodeCache, Encoding, EventStreamEncoding, JsonEncoding
 from posecast_relay.net.http1 import HttpConnection, PendingRequests
 from posecast_relay.net.request import (
     STREAM_PATH,

@@ -26,8 +26,7 @@ from posecast_relay.auth.access import Access
 from posecast_relay.core import messages
 from posecast_relay.core.policy import ANYONE, DRAIN_RETRY_S, GOING, REFUSALS, Applicant, Refusal
 from posecast_relay.core.viewer import Viewer
-from posecast_relay.net.decode_cache import DecodeCache
-from posecast_relay.net.encodings import Encoding, JsonEncoding, JsonOutlet
+from posecast_relay.net.encodings import DecodeCache, Encoding, JsonEncoding, JsonOutlet
 from posecast_relay.net.request import BadRequest, StreamRequest, join_all, read_bearer, read_target
 from posecast_relay.runtime.socket_options import descriptor_of, peer_of, use_small_buffers
 from posecast_relay.runtime.tasks import FAULT, isolated, isolated_task

@@ -16,8 +16,7 @@ from posecast_wire.recording import RECORDING_FILE, PastRecording, RecordingErro
 from posecast_wire.recording.contents import RECORDING_BYTES_MAX
 
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.export.recording_files import FileUnreadable, RecordingFiles, open_recording_files
-from posecast_relay.export.span import ExportedSpan
+from posecast_relay.export.span import ExportedSpan, FileUnreadable, RecordingFiles, open_recording_files
 from posecast_relay.past_command.common import write_moment
 from posecast_relay.past_command.export import (
     WRITING_FAILED,

@@ -24,11 +24,9 @@ from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.config.settings import SettingsError, find_page
 from posecast_relay.core.policy import PUBLIC, Audience
 from posecast_relay.export.csv_file import TooManyColumnsError
-from posecast_relay.export.held_time import GAP_MS, HeldTime
 from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
-from posecast_relay.export.recording_files import RecordingFolder
-from posecast_relay.export.span import ExportedSpan
-from posecast_relay.export.table_file import write_table
+from posecast_relay.export.span import ExportedSpan, RecordingFolder, write_table
+from posecast_relay.export.table import GAP_MS, HeldTime
 from posecast_relay.kit import write_count
 from posecast_relay.past_command.common import (
     CommandFailed,
@@ -43,11 +41,10 @@ from posecast_relay.recording.collector import Collection, Collector, Descriptio
 from posecast_relay.recording.data_files import DATA_MAX_MB, write_data_files
 from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.notes import NotesError, place_notes, read_notes
-from posecast_relay.recording.output import OutputError, check_place, open_place
+from posecast_relay.recording.output import OutputError, check_place, open_place, pack_recording
 from posecast_relay.recording.page import add_page, check_page, unpacks_segments
 from posecast_relay.recording.source import PastUnreadable, RecordingSource
 from posecast_relay.recording.store_source import StoreSource
-from posecast_relay.recording.zip_file import pack_recording
 
 HELP = "export a time span of the past: a folder that plays in a browser, .posecast, .csv or .mcap"
 RELAY = "http://127.0.0.1:8080"

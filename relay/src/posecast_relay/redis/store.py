@@ -16,7 +16,8 @@ from itertools import count
 from typing import Any, NamedTuple, TypeVar
 
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.robot import Robot
+from posecast_relay.core.replica import Presence
+from posecast_relay.core.robot import RETURN_AFTER_S, Robot
 from posecast_relay.core.stream import FrameOutcome, Stream
 from posecast_relay.kit import Histogram
 from posecast_relay.redis.client import (
@@ -24,6 +25,7 @@ from posecast_relay.redis.client import (
     Call,
     RedisClient,
     cancel_tasks,
+    channel,
     generation_key,
     name_error,
     state_key,
@@ -31,15 +33,82 @@ from posecast_relay.redis.client import (
     writer_key,
 )
 from posecast_relay.redis.directory import BOARD, RedisDirectory
-from posecast_relay.redis.messages import unpack_events
+from posecast_relay.redis.messages import (
+    Value,
+    WrittenState,
+    compute_ns,
+    describe_written,
+    list_lasting_values,
+    make_presence,
+    make_update,
+    pack,
+    unpack,
+    unpack_events,
+)
 from posecast_relay.redis.scripts import CLAIM, GUARD, INCOMPLETE, LEASE_MS, OUTRUN, REFUSED, STATUS, STORED
-from posecast_relay.redis.stream_updates import WrittenState
-from posecast_relay.redis.write_calls import gives_way, make_presence_call, make_state_call
+
+log = logging.getLogger("posecast_relay")
+
+
+def make_state_call(
+    stream: Stream,
+    before: WrittenState | None,
+    generation: int,
+    writer: str,
+    now: float,
+    sent_s: float | None,
+) -> tuple[WrittenState, Call]:
+    """Make the call that writes a stream's newest state and publishes its changes; also return that state.
+
+    `before`: what this process wrote last; None: write the whole state. `writer`: the process's name.
+    `sent_s`: Redis's clock.
+    """
+    newest, state = stream.newest, describe_written(stream, generation)
+    assert newest is not None
+    light = before == state
+    names = f"{writer}:{stream.version}", stream.numbering
+    values: list[Value] = ["frame", newest.payload, "stamp", compute_ns(newest)]
+    if not light:
+        values += list_lasting_values(stream, names, state.is_heard)
+    update = make_update(stream, before, generation, names, now, sent_s)
+    keys = [state_key(stream.robot, stream.view), generation_key(stream.robot)]
+    keys += [channel(stream.robot), writer_key(stream.robot)]
+    args = [generation, newest.seq, "0" if light else "1", state.key.id, pack(update), *values]
+    return state, (GUARD, keys, args)
+
+
+def make_presence_call(
+    robot: Robot, generation: int, written: Iterable[str], now: float, sent_s: float | None
+) -> Call:
+    """Make the call that publishes a robot's presence.
+
+    `written`: the views whose states should be in Redis.
+    """
+    said = pack(make_presence(robot, now, sent_s))
+    name = robot.name
+    names = [status_key(name), channel(name), writer_key(name), generation_key(name)]
+    return STATUS, [*names, *(state_key(name, view) for view in written)], [generation, said]
+
+
+def gives_way(told: object, has_token: bool) -> bool:
+    """Whether this presence comes from a relay that should give the robot to another one.
+
+    It has heard no frame for long, or does not see the robot's agent while the other one does (`has_token`).
+    """
+    try:
+        said = unpack(told) if isinstance(told, bytes) else None
+    except ValueError:
+        return False
+    if not isinstance(said, Presence):
+        return False
+    if has_token and not said.token:
+        return True
+    return all(age_s is None or age_s > RETURN_AFTER_S for age_s in said.ages_s.values())
+
 
 T = TypeVar("T")
 Describe = Callable[[Robot], dict[str, Any]]
 
-log = logging.getLogger("posecast_relay")
 
 ROUND_S = 0.005  # between two rounds, so that many robots share a round
 BEAT_S = 1.0  # between two signs of life

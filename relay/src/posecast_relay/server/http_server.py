@@ -20,7 +20,7 @@ from fastapi import FastAPI
 
 from posecast_relay.auth.access import Access
 from posecast_relay.config.settings import StartError
-from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.net.http1 import HttpConnection, RequestTimeouts, add_timeouts, make_plain_http_protocol
 from posecast_relay.net.sse import make_http_protocol
 from posecast_relay.net.websocket import make_live_protocol

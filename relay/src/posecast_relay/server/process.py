@@ -31,7 +31,7 @@ from posecast_relay.http.admin.routes import AdminSources
 from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import RelayCollector, start_metrics
 from posecast_relay.logging import LoopExceptionHandler, start_logging
-from posecast_relay.net.decode_cache import DecodeCache
+from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.past.service import PastDesk
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.port_holder import explain_taken
