@@ -28,7 +28,6 @@ from posecast_relay.net.http1 import (
     TARGET_BYTES,
     HttpConnection,
     RequestTimeouts,
-    add_timeouts,
 )
 from posecast_relay.net.sse import make_http_protocol
 from posecast_relay.net.websocket import make_live_protocol
@@ -118,7 +117,7 @@ class Desk:
         access, decoded = Access(self.dispatcher), DecodeCache()
         self.cut: list[int] = []
         unasked = RequestTimeouts(self.dispatcher.now, self.cut.append)
-        self._class = add_timeouts(make_http_protocol(access, decoded), unasked)
+        self._class = make_http_protocol(access, decoded, unasked)
         self._config = uvicorn.Config(
             no_app, ws=make_live_protocol(access, decoded), lifespan="off", log_config=None
         )

@@ -150,6 +150,7 @@ class HttpConnection(HttpToolsProtocol):
 
     access: ClassVar[Access]
     under_way: ClassVar[PendingRequests]
+    unasked: ClassVar[RequestTimeouts]
 
     answering: RequestResponseCycle | None = None
     _task: asyncio.Task[None] | None = None
@@ -178,6 +179,7 @@ class HttpConnection(HttpToolsProtocol):
         self.transport = transport
         super().connection_made(transport)
         leave_unsent(transport)
+        self.unasked.start(transport)
 
     @isolated
     def connection_lost(self, exc: Exception | None) -> None:
@@ -186,6 +188,7 @@ class HttpConnection(HttpToolsProtocol):
             each.callback(super().connection_lost, exc)
             each.callback(self._abandon)
             each.callback(self.under_way.leave, self)
+            each.callback(self.unasked.stop, self.transport)
             if self._lingers is not None:
                 each.callback(self._lingers.cancel)
 
@@ -198,8 +201,10 @@ class HttpConnection(HttpToolsProtocol):
                 self._ignored += len(data) - at
                 if self._lingers is not None and self._ignored > LINGER_BYTES:
                     self.transport.pause_reading()
-                return
+                break
             self._feed(data[at : at + SLICE_BYTES])
+        if self._in_message:
+            self.unasked.record_bytes(self.transport, self.request_bytes)
 
     @isolated
     def eof_received(self) -> None:
@@ -273,6 +278,7 @@ class HttpConnection(HttpToolsProtocol):
 
     def on_message_begin(self) -> None:
         """Begin a request."""
+        self.unasked.start(self.transport)
         self._unset_keepalive_if_required()
         self._in_message = self._in_head = True
         self._lines = self._head_bytes = 0
@@ -317,6 +323,7 @@ class HttpConnection(HttpToolsProtocol):
 
     def on_message_complete(self) -> None:
         """End the request, which is complete."""
+        self.unasked.stop(self.transport)
         self._in_message = False
         self._fed = 0
         super().on_message_complete()
@@ -444,16 +451,6 @@ class HttpConnection(HttpToolsProtocol):
         return ", ".join(values) or None
 
 
-def make_plain_http_protocol(of: Access) -> type[HttpConnection]:
-    """Make the class for uvicorn's `http` option, without streams."""
-
-    class Bound(HttpConnection):
-        access = of
-        under_way = PendingRequests()
-
-    return Bound
-
-
 ASK_S = 5.0  # from connecting, or from a request's first byte, to its end
 CROWD = 500  # above this number, those older than HURRIED_S are dropped; a quarter of http_server.SPARE_FILES
 HURRIED_S = 1.0
@@ -512,32 +509,21 @@ class RequestTimeouts:
             self._timer = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
 
 
-def add_timeouts(base: type[HttpConnection], unasked: RequestTimeouts) -> type[HttpConnection]:
-    """Return a subclass of `base` that limits how long a request may take."""
+def make_timeouts(access: Access) -> RequestTimeouts:
+    """Make the timeouts of a port's connections, which also counts those that it drops."""
 
-    class Guarded(base):  # type: ignore[misc, valid-type]
-        @isolated
-        def connection_made(self, transport: Any) -> None:
-            super().connection_made(transport)
-            unasked.start(transport)
+    def count(dropped: int) -> None:
+        access.live.handshakes["never asked"] += dropped
 
-        @isolated
-        def connection_lost(self, exc: Exception | None) -> None:
-            unasked.stop(self.transport)
-            super().connection_lost(exc)
+    return RequestTimeouts(access.live.now, count)
 
-        @isolated
-        def data_received(self, data: bytes) -> None:
-            super().data_received(data)
-            if self._in_message:
-                unasked.record_bytes(self.transport, self.request_bytes)
 
-        def on_message_begin(self) -> None:
-            unasked.start(self.transport)
-            super().on_message_begin()
+def make_plain_http_protocol(of: Access) -> type[HttpConnection]:
+    """Make the class for uvicorn's `http` option, without streams."""
 
-        def on_message_complete(self) -> None:
-            unasked.stop(self.transport)
-            super().on_message_complete()
+    class Bound(HttpConnection):
+        access = of
+        under_way = PendingRequests()
+        unasked = make_timeouts(of)
 
-    return Guarded
+    return Bound

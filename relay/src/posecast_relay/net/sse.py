@@ -24,7 +24,7 @@ from posecast_relay.core import messages
 from posecast_relay.core.policy import ANYONE, DRAIN_RETRY_S, GOING, Applicant, Grant, Refusal
 from posecast_relay.core.viewer import Viewer
 from posecast_relay.net.encodings import DecodeCache, Encoding, EventStreamEncoding, JsonEncoding
-from posecast_relay.net.http1 import HttpConnection, PendingRequests
+from posecast_relay.net.http1 import HttpConnection, PendingRequests, RequestTimeouts, make_timeouts
 from posecast_relay.net.request import (
     STREAM_PATH,
     BadRequest,
@@ -240,6 +240,7 @@ class _Http(HttpConnection):
 
     def on_message_complete(self) -> None:
         """Take the connection over for an event stream, and ignore further data."""
+        self.unasked.stop(self.transport)
         if not self._wanted:
             super().on_message_complete()
         elif not self._taken:
@@ -318,12 +319,15 @@ class _Http(HttpConnection):
         self.transport.close()
 
 
-def make_http_protocol(of: Access, decoded: DecodeCache) -> type[_Http]:
+def make_http_protocol(
+    of: Access, decoded: DecodeCache, timeouts: RequestTimeouts | None = None
+) -> type[_Http]:
     """Make the class for uvicorn's `http` option."""
 
     class Bound(_Http):
         access = of
         under_way = PendingRequests()
+        unasked = timeouts or make_timeouts(of)
         doorway = HandshakeQueue()
         forms: ClassVar[dict[bool, Encoding]] = {
             False: EventStreamEncoding(),

@@ -21,7 +21,7 @@ from fastapi import FastAPI
 from posecast_relay.auth.access import Access
 from posecast_relay.config.settings import StartError
 from posecast_relay.net.encodings import DecodeCache
-from posecast_relay.net.http1 import HttpConnection, RequestTimeouts, add_timeouts, make_plain_http_protocol
+from posecast_relay.net.http1 import HttpConnection, make_plain_http_protocol
 from posecast_relay.net.sse import make_http_protocol
 from posecast_relay.net.websocket import make_live_protocol
 from posecast_relay.runtime.dispatcher import Dispatcher
@@ -155,16 +155,11 @@ def make_server_config(
     app: FastAPI, access: Access, decoded: DecodeCache, has_streams: bool
 ) -> uvicorn.Config:
     """Make uvicorn's configuration for a port that strangers reach."""
-
-    def cut(count: int) -> None:
-        access.live.handshakes["never asked"] += count
-
-    unasked = RequestTimeouts(access.live.now, cut)
     http = make_http_protocol(access, decoded) if has_streams else make_plain_http_protocol(access)
     return uvicorn.Config(
         app,
         ws=make_live_protocol(access, decoded) if has_streams else "none",
-        http=add_timeouts(http, unasked),
+        http=http,
         lifespan="off",
         log_config=None,
         access_log=False,
