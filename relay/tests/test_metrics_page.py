@@ -32,10 +32,12 @@ async def test_every_series_is_explained_and_no_other() -> None:
     store = RedisStore("redis://nowhere", hub, Dispatcher.now, described)
     dispatcher = Dispatcher(hub, store, FanOut(None))
     mirror = SimpleNamespace(written=Counter(), breaker=Breaker())
-    way = RedisPastWriter("redis://nowhere", 1 << 20)
+    connection = RedisPastWriter("redis://nowhere", 1 << 20)
     kept, held = MemoryPast(1 << 20), HeldRequests()
     archive = SimpleNamespace(measure=lambda: ArchiveFigures(None, 0, 0, 0, 0, 0, 0, 1, 2))
-    figures = RelayCollector([dispatcher], mirror, past=kept, way=way, held=held, archive=archive)
+    figures = RelayCollector(
+        [dispatcher], mirror, past=kept, connection=connection, held=held, archive=archive
+    )
     there = {family.name + ("_total" if family.type == "counter" else "") for family in figures.collect()}
     rows = re.findall(r"^\| `(posecast_\w+)", PAGE, re.MULTILINE)
     assert sorted(rows) == sorted(there)

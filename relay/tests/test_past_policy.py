@@ -18,7 +18,7 @@ from posecast_relay.core.policy import (
     compute_kept_longest_s,
     compute_kept_s,
     find_past_window,
-    judge_past,
+    is_past_shown,
     list_lookers,
 )
 
@@ -50,7 +50,7 @@ def may_look(
 ) -> bool:
     """Whether they get a segment that ended so long ago."""
     to_ms = NOW_MS - ago_ms
-    return judge_past(
+    return is_past_shown(
         granted, Stretch(to_ms - length_ms, to_ms, audiences), find_past_window(granted, NOW_MS)
     )
 

@@ -124,7 +124,7 @@ async def test_an_answer_that_expires_during_its_request_is_never_empty(
         now[0] += step_s
         return now[0]
 
-    doors.desk.answers = AnswerCache(read_clock)
+    doors.service.answers = AnswerCache(read_clock)
     for path in ("", f"public/{DAY}", f"public/{PAGE}"):
         first = await doors.ask(path)
         assert shows(first, kept) or first.json()["from_ms"] == kept.from_ms

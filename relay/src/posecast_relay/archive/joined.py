@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.archive.reader import ArchiveReader
 from posecast_relay.core.policy import Audience
-from posecast_relay.past.index import DAY_MS, DayIndex, DayReach, PageDigest
+from posecast_relay.past.index import DAY_MS, DayIndex, PageDigest, ShownDay
 from posecast_relay.past.memory import MemoryPast
 from posecast_relay.past.segment import KeptSegment, SegmentName, TakeSpan
 from posecast_relay.past.source import KeptPast, ListWaiting, PastAway, PastSource, ReachedPast, Wake
@@ -88,7 +88,7 @@ class JoinedPast:
             archived += await self._reader.load_page(name.robot, name.view, page_ms)
         return _AroundSegment(name.robot, name.view, archived, self.kept)
 
-    async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[DayReach]:
+    async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[ShownDay]:
         """Return the days between these times that have more than the recent past. Raises PastAway."""
         to_ms = min(to_ms, self._find_oldest_ms(robot, view))
         return await self._reader.load_reaches(robot, view, from_ms, to_ms) if from_ms < to_ms else []
@@ -151,7 +151,7 @@ class JoinedPast:
         view: str,
         after_ms: int,
         pages: Iterable[PageDigest],
-        reaches: Iterable[DayReach],
+        reaches: Iterable[ShownDay],
         audience: Audience,
     ) -> int | None:
         """Find the next ten minutes with something that an audience could see."""

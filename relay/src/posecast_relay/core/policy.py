@@ -321,7 +321,7 @@ def find_past_window(grant: Grant, unix_ms: int) -> PastWindow:
     return PastWindow(shown_ms - round(1000 * grant.past_s), shown_ms)
 
 
-def judge_past(grant: Grant, recorded: Recorded, window: PastWindow) -> bool:
+def is_past_shown(grant: Grant, recorded: Recorded, window: PastWindow) -> bool:
     """Whether a grant may see a segment of its robot and view.
 
     The segment must lie in the `window`, and the grant's audience must have been able to see all of it live.

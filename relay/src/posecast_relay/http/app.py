@@ -42,7 +42,7 @@ from posecast_relay.net.request import (
     require_grant,
 )
 from posecast_relay.past.routes import add_past_routes
-from posecast_relay.past.service import PastDesk
+from posecast_relay.past.service import PastService
 from posecast_relay.past.source import PastAway
 from posecast_relay.runtime.dispatcher import Dispatcher
 
@@ -77,7 +77,7 @@ def make_app(
     page: Path | None,
     public_url: str | None = None,
     publish_at: str | None = None,
-    past: PastDesk | None = None,
+    past: PastService | None = None,
     find_config_trouble: Callable[[], str | None] = lambda: None,
     admin: AdminSources | None = None,
 ) -> FastAPI:
@@ -163,7 +163,7 @@ def make_app(
 
 
 def _find_trouble(
-    dispatcher: Dispatcher, past: PastDesk | None, find_config_trouble: Callable[[], str | None]
+    dispatcher: Dispatcher, past: PastService | None, find_config_trouble: Callable[[], str | None]
 ) -> str | None:
     """Return why the relay is degraded, in one line that anybody may read; None if it is not."""
     live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
@@ -232,7 +232,7 @@ def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache, publish_at: 
         return Response(body, media_type="application/json", headers=headers)
 
 
-def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastDesk | None) -> None:
+def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastService | None) -> None:
     packed = GzipCache(models.room)
 
     @app.get(
@@ -268,7 +268,7 @@ async def _announces(access: Access, grant: Grant, digest: str) -> bool:
     return any(room is not None and room.stream.model == digest for room in (*rooms, own))
 
 
-async def _shows_model(past: PastDesk, grant: Grant, digest: str) -> bool:
+async def _shows_model(past: PastService, grant: Grant, digest: str) -> bool:
     """Whether the client may see a past that refers to this model. Raises HTTPException 503."""
     try:
         await past.source.refresh(grant.robot, grant.view)

@@ -82,7 +82,7 @@ class PastStats(Protocol):
     crowded_out: int
 
 
-class PastWayStats(Protocol):
+class PastConnectionStats(Protocol):
     """The counters of the past's connection to Redis. `passed_over`: invalid entries there."""
 
     passed_over: int
@@ -119,7 +119,7 @@ class RelayCollector(Collector):
         mirror: MirrorStats | None = None,
         refused: Callable[[], int] = int,
         past: PastStats | None = None,
-        way: PastWayStats | None = None,
+        connection: PastConnectionStats | None = None,
         held: HeldStats | None = None,
         archive: ArchiveStats | None = None,
         measure_config: Callable[[], Mapping[str, int]] = dict,
@@ -139,7 +139,7 @@ class RelayCollector(Collector):
         self._hubs = [dispatcher.hub for dispatcher in dispatchers]
         self._mirror = mirror
         self._past = past
-        self._way = way
+        self._connection = connection
         self._held = held
         self._archive = archive
         self._measure_config = measure_config
@@ -234,8 +234,8 @@ class RelayCollector(Collector):
             yield from _describe_mirror(self._mirror)
         if self._past is not None:
             yield from _describe_past(self._past, hub.recorder)
-        if self._way is not None:
-            yield from _describe_way(self._way)
+        if self._connection is not None:
+            yield from _describe_past_connection(self._connection)
         if self._held is not None:
             yield from _describe_held(self._held)
         if self._archive is not None:
@@ -280,19 +280,21 @@ def _describe_past(past: PastStats, recorder: RecordsPast | None) -> Iterable[Me
     yield CounterMetricFamily("posecast_past_faults", "Recordings that failed and were restarted", faults)
 
 
-def _describe_way(way: PastWayStats) -> Iterable[Metric]:
-    seconds, losses = way.get_exchanges()
-    up = 0 if way.find_trouble() else 1
+def _describe_past_connection(connection: PastConnectionStats) -> Iterable[Metric]:
+    seconds, losses = connection.get_exchanges()
+    up = 0 if connection.find_trouble() else 1
     yield GaugeMetricFamily("posecast_past_redis_up", "Whether the past can use Redis", up)
     yield _make_histogram(
         "posecast_past_redis_seconds", "Exchanges with Redis for the past; they time out at 0.25", seconds
     )
     yield CounterMetricFamily("posecast_past_redis_losses", "Times the past lost Redis", losses)
     yield CounterMetricFamily(
-        "posecast_past_redis_passed_over", "Damaged entries in Redis that were ignored", way.passed_over
+        "posecast_past_redis_passed_over",
+        "Damaged entries in Redis that were ignored",
+        connection.passed_over,
     )
-    if isinstance(way, PastWriterStats):
-        fates = {"written": way.written, "dropped": way.dropped}
+    if isinstance(connection, PastWriterStats):
+        fates = {"written": connection.written, "dropped": connection.dropped}
         text = "Segments for Redis by result"
         yield _make_labelled("posecast_past_redis_segments", text, "fate", fates, CounterMetricFamily)
 

@@ -24,8 +24,8 @@ from posecast_relay.past.segment import (
     PastWord,
     TakeSpan,
     dump_json,
-    read_letters,
-    write_letters,
+    pack_audiences,
+    unpack_audiences,
 )
 
 T = TypeVar("T")
@@ -142,7 +142,7 @@ def digest_page(at_ms: int, segments: Sequence[KeptSegment]) -> PageDigest:
     schemas: dict[tuple[str, str], HashSpan] = {}
     models: dict[tuple[str, str], HashSpan] = {}
     for segment in sorted(segments, key=lambda each: (each.from_ms, each.name.take, each.name.index)):
-        letters = write_letters(segment.audiences)
+        letters = pack_audiences(segment.audiences)
         minutes.setdefault((segment.from_ms // MINUTE_MS, letters), []).append(segment)
         take, index = segment.name.take, segment.name.index
         span = takes.get(take, TakeSpan(take, index, index))
@@ -214,7 +214,7 @@ def sum_minutes(segments: Iterable[KeptSegment]) -> list[MinuteRow]:
     """Sum up segments by minute and audiences. `segments`: in order of time."""
     minutes: dict[tuple[int, str], list[KeptSegment]] = {}
     for segment in segments:
-        key = segment.from_ms // MINUTE_MS, write_letters(segment.audiences)
+        key = segment.from_ms // MINUTE_MS, pack_audiences(segment.audiences)
         minutes.setdefault(key, []).append(segment)
     return _sum_minutes(minutes)
 
@@ -249,7 +249,7 @@ def unpack_day(robot: str, view: str, day_ms: int, data: bytes) -> DayIndex:
 def _write_page(page: PageDigest) -> dict[str, object]:
     def write_hashes(spans: tuple[HashSpan, ...]) -> list[object]:
         return [
-            (each.sha256, write_letters(each.audiences), each.from_ms - page.at_ms, each.to_ms - page.at_ms)
+            (each.sha256, pack_audiences(each.audiences), each.from_ms - page.at_ms, each.to_ms - page.at_ms)
             for each in spans
         ]
 
@@ -260,7 +260,7 @@ def _write_page(page: PageDigest) -> dict[str, object]:
         "takes": [(f"{each.take:016x}", each.first_index, each.last_index) for each in page.takes],
         "minutes": [
             (
-                *((row.at_ms - page.at_ms) // MINUTE_MS, write_letters(row.audiences), row.segments),
+                *((row.at_ms - page.at_ms) // MINUTE_MS, pack_audiences(row.audiences), row.segments),
                 *(row.bytes, row.frames, row.word, row.faults),
                 *(row.from_ms - page.at_ms, row.to_ms - page.at_ms),
             )
@@ -327,7 +327,7 @@ def _text(found: object, form: re.Pattern[str]) -> str:
 
 
 def _letters(found: object) -> frozenset[Audience]:
-    return read_letters(found if isinstance(found, str) else "")
+    return unpack_audiences(found if isinstance(found, str) else "")
 
 
 def _list(found: object, most: int) -> list[Any]:
@@ -348,7 +348,7 @@ class SeenSpan(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class DayReach:
+class ShownDay:
     """The summary of a day. `takes`: the first and last index of each take; `schemas`, `models`: SHA-256."""
 
     day_ms: int
@@ -364,12 +364,12 @@ class DayReach:
         return REACH_BYTES + SPAN_BYTES * rows
 
 
-def reach_day(day: DayIndex) -> DayReach:
+def list_shown(day: DayIndex) -> ShownDay:
     """Summarise a day's index."""
     spans: dict[str, SeenSpan] = {}
     takes: dict[int, TakeSpan] = {}
     for row in day.list_minutes():
-        letters = write_letters(row.audiences)
+        letters = pack_audiences(row.audiences)
         span = spans.get(letters, SeenSpan(row.audiences, row.from_ms, row.to_ms))
         spans[letters] = SeenSpan(row.audiences, min(span.from_ms, row.from_ms), max(span.to_ms, row.to_ms))
     for page in day.list_pages():
@@ -377,7 +377,7 @@ def reach_day(day: DayIndex) -> DayReach:
             known = takes.get(take.take, take)
             first, last = min(known.first_index, take.first_index), max(known.last_index, take.last_index)
             takes[take.take] = TakeSpan(take.take, first, last)
-    return DayReach(
+    return ShownDay(
         *(day.day_ms, tuple(spans.values()), takes),
         *(frozenset(day.find_schemas()), frozenset(day.find_models())),
     )

@@ -15,7 +15,7 @@ from posecast_relay.core.policy import (
     Recorded,
     Rule,
     find_past_window,
-    judge_past,
+    is_past_shown,
     shows_all,
 )
 from posecast_relay.past.segment import KeptSegment, SegmentName, TakeSpan
@@ -37,7 +37,7 @@ class _Span(NamedTuple):
     to_ms: int
 
 
-class Unseen:
+class HiddenSpans:
     """What was withdrawn before it was seen, since this process started. It needs each new policy.
 
     `knows_all`: no recordings predate this process. Otherwise delayed audiences get none of those.
@@ -95,7 +95,7 @@ class NotYet(NamedTuple):
 class PastReader:
     """Reads the past on behalf of a grant. In each call, `unix_ms` is the time now."""
 
-    def __init__(self, past: KeptPast, unseen: Unseen) -> None:
+    def __init__(self, past: KeptPast, unseen: HiddenSpans) -> None:
         self._past = past
         self._unseen = unseen
 
@@ -106,7 +106,7 @@ class PastReader:
         ms."""
         window = find_past_window(grant, unix_ms)
         found = self._past.list_segments(grant.robot, grant.view, max(from_ms, window.from_ms), to_ms)
-        return [segment for segment in found if self._judge(grant, segment, window)]
+        return [segment for segment in found if self._is_shown(grant, segment, window)]
 
     def find_segment(
         self, grant: Grant, take: int, index: int, unix_ms: int
@@ -118,7 +118,7 @@ class PastReader:
         """
         window = find_past_window(grant, unix_ms)
         asked = self._past.find(SegmentName(grant.robot, grant.view, take, index))
-        if asked is not None and self._judge(grant, asked, window):
+        if asked is not None and self._is_shown(grant, asked, window):
             return asked
         spans = self._past.list_takes(grant.robot, grant.view)
         own = next((span for span in spans if span.take == take), None)
@@ -130,14 +130,14 @@ class PastReader:
         last = SegmentName(grant.robot, grant.view, take, own.last_index)
         for segment in chain(self._walk_take(grant, own, index, window), self._past.list_after(last)):
             if segment.from_ms >= window.from_ms and self._is_for(grant, segment):
-                if self._judge(grant, segment, window):
+                if self._is_shown(grant, segment, window):
                     return segment.name
                 return NotYet(segment.to_ms + round(1000 * grant.delay_s))
         return NotYet()
 
     def shows(self, grant: Grant, recorded: Recorded, unix_ms: int) -> bool:
         """Whether the grant may see all of a recorded span of its view."""
-        return self._judge(grant, recorded, find_past_window(grant, unix_ms))
+        return self._is_shown(grant, recorded, find_past_window(grant, unix_ms))
 
     def find_schema(self, grant: Grant, sha256: bytes, unix_ms: int) -> KeptSegment | None:
         """Return the newest segment that names this schema and that the grant may see."""
@@ -147,11 +147,12 @@ class PastReader:
     def _was_shown(self, grant: Grant, span: TakeSpan, index: int, window: PastWindow) -> bool:
         """Whether the grant may see the segment before `index` in this take, or a later one."""
         return index <= span.last_index + 1 and any(
-            self._judge(grant, segment, window) for segment in self._walk_take(grant, span, index - 1, window)
+            self._is_shown(grant, segment, window)
+            for segment in self._walk_take(grant, span, index - 1, window)
         )
 
-    def _judge(self, grant: Grant, recorded: Recorded, window: PastWindow) -> bool:
-        return judge_past(grant, recorded, window) and not self._unseen.has(grant, recorded)
+    def _is_shown(self, grant: Grant, recorded: Recorded, window: PastWindow) -> bool:
+        return is_past_shown(grant, recorded, window) and not self._unseen.has(grant, recorded)
 
     def _is_for(self, grant: Grant, segment: KeptSegment) -> bool:
         """Whether the grant may see it once it is due."""

@@ -34,7 +34,7 @@ from posecast_relay.past.documents import (
 )
 from posecast_relay.past.reading import NotYet
 from posecast_relay.past.segment import KeptSegment, SegmentName
-from posecast_relay.past.service import Found, PastDesk, ShownPage
+from posecast_relay.past.service import Found, PastService, ShownPage
 from posecast_relay.past.source import PastAway
 
 NO_STORE = {"cache-control": "private, no-store"}
@@ -46,7 +46,7 @@ FOR_A_SECOND = READABLE | {"cache-control": "public, max-age=1", "vary": "author
 SAME_FOR_ALL = frozenset((400, 403, 404, 501, 503))
 
 
-def tell_caches(route: Callable[..., Awaitable[Response]]) -> Callable[..., Awaitable[Response]]:
+def set_cache_headers(route: Callable[..., Awaitable[Response]]) -> Callable[..., Awaitable[Response]]:
     """Wrap a route, which takes `request` by name, so that its refusals have a `cache-control` header.
 
     That is the refusal's own header, or one that fits the caller.
@@ -116,16 +116,18 @@ HELD: dict[int | str, dict[str, Any]] = HAD | {
 }
 
 
-def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | None) -> None:
-    """Add the routes below `{api}/{robot}/past`. `desk` None: this process keeps no past."""
+def add_past_routes(app: FastAPI, api: str, access: Access, service: PastService | None) -> None:
+    """Add the routes below `{api}/{robot}/past`. `service` None: this process keeps no past."""
     api += "/{robot}/past"
 
-    @app.get(api, summary="How far back you may look", responses=ERRORS | _tells(documents.PastSummary))
-    @tell_caches
+    @app.get(
+        api, summary="How far back you may look", responses=ERRORS | _describe_answer(documents.PastSummary)
+    )
+    @set_cache_headers
     async def past(request: Request, robot: str, view: str | None = None) -> Response:
-        if desk is None:
-            return await _tell_no_past(access, request, robot, view)
-        grant, at = await _enter(access, desk, request, robot, view)
+        if service is None:
+            return await _answer_no_past(access, request, robot, view)
+        grant, at = await _enter(access, service, request, robot, view)
 
         async def load() -> bytes:
             return documents.make_summary(grant, await _wait(at.find_extent(grant)))
@@ -138,9 +140,9 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         response_model=dict[str, Any],
         responses=BELOW | HAD,
     )
-    @tell_caches
+    @set_cache_headers
     async def schema(request: Request, robot: str, view: str, sha256: str) -> Response:
-        grant, at = await _enter(access, desk, request, robot, view)
+        grant, at = await _enter(access, service, request, robot, view)
         found = await _wait(at.find_schema(grant, _read(read_sha256, sha256)))
         if found is None:
             _refuse(grant, "no such schema in the part of the past that you may see")
@@ -151,11 +153,11 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
     @app.get(
         api + "/{view}/{span}",
         summary="A day by minutes (2026-11-22), or the index of ten minutes (2026-11-22T14:20Z)",
-        responses=BELOW | _tells(documents.PastPage, documents.PastDay),
+        responses=BELOW | _describe_answer(documents.PastPage, documents.PastDay),
     )
-    @tell_caches
+    @set_cache_headers
     async def index(request: Request, robot: str, view: str, span: str, after: str | None = None) -> Response:
-        grant, at = await _enter(access, desk, request, robot, view)
+        grant, at = await _enter(access, service, request, robot, view)
         asked = _read(read_span, span)
         if asked.is_day:
             return await _send_day(request, at, grant, asked, span)
@@ -171,9 +173,9 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         response_class=Response,
         responses=BELOW | KEYS,
     )
-    @tell_caches
+    @set_cache_headers
     async def key_page(request: Request, robot: str, view: str, page: str, every: str = "1") -> Response:
-        grant, at = await _enter(access, desk, request, robot, view)
+        grant, at = await _enter(access, service, request, robot, view)
         asked, step = _read(read_page, page), _read(read_every, every)
         found = await _wait(at.list_page(grant, asked))
         shown = found.segments
@@ -187,9 +189,9 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
         response_class=Response,
         responses=BELOW | HELD,
     )
-    @tell_caches
+    @set_cache_headers
     async def segment(request: Request, robot: str, view: str, take: str, index: str) -> Response:
-        grant, at = await _enter(access, desk, request, robot, view)
+        grant, at = await _enter(access, service, request, robot, view)
         name = _read(read_take, take), _read(read_index, index)
         found = await _find(at, grant, name)
         if isinstance(found, NotYet) and request.method == "GET":
@@ -197,7 +199,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
                 until_s, waits = access.live.now() + HOLD_S, may_wait
                 while waits and isinstance(found, NotYet):
                     waits = await _hold(at, grant, name, access.live.now, until_s)
-                    grant, at = await _enter(access, desk, request, robot, view)  # it may have changed
+                    grant, at = await _enter(access, service, request, robot, view)  # it may have changed
                     found = await _wait(at.find_segment(grant, *name))
         return _answer(request, at, grant, found)
 
@@ -205,12 +207,12 @@ def add_past_routes(app: FastAPI, api: str, access: Access, desk: PastDesk | Non
 
 
 async def _make_key_page(
-    desk: PastDesk, grant: Grant, page: PastSpan, shown: list[KeptSegment], every: int
+    service: PastService, grant: Grant, page: PastSpan, shown: list[KeptSegment], every: int
 ) -> bytes:
     """Return a page of KEYs. Raises HTTPException 503."""
-    body = await _wait(desk.keys.make_page(grant, page.from_ms, shown, every, desk.source.load))
-    if any(map(desk.deletions.cover_segment, shown)):  # deleted while the page was made
-        desk.keys.forget(grant.robot)
+    body = await _wait(service.keys.make_page(grant, page.from_ms, shown, every, service.source.load))
+    if any(map(service.deletions.cover_segment, shown)):  # deleted while the page was made
+        service.keys.forget(grant.robot)
         raise HTTPException(503, "a deletion changed this page while it was made: retry", BUSY)
     if body is None:
         raise HTTPException(503, "this relay is making as many pages of KEYs as it can: retry", BUSY)
@@ -219,77 +221,79 @@ async def _make_key_page(
 
 def _refuse_others(app: FastAPI, api: str) -> None:
     @app.get(api + "/{_rest:path}", include_in_schema=False)
-    @tell_caches
+    @set_cache_headers
     async def no_such_route(request: Request, _rest: str) -> Response:  # noqa: ARG001
         raise HTTPException(HTTPStatus.NOT_FOUND, NO_ROUTE)
 
 
-async def _tell_no_past(access: Access, request: Request, robot: str, view: str | None) -> Response:
+async def _answer_no_past(access: Access, request: Request, robot: str, view: str | None) -> Response:
     """Answer that nobody may look back. Not an error status: browsers would log that on every page."""
     grant = await require_grant(access, request, robot, view)
     return Response(documents.make_no_summary(grant), media_type="application/json", headers=NO_STORE)
 
 
 async def _enter(
-    access: Access, desk: PastDesk | None, request: Request, robot: str, view: str | None
-) -> tuple[Grant, PastDesk]:
+    access: Access, service: PastService | None, request: Request, robot: str, view: str | None
+) -> tuple[Grant, PastService]:
     """Return what the caller may see, and where the past is read. Raises HTTPException."""
     grant = await require_grant(access, request, robot, view)
-    if desk is None:
+    if service is None:
         raise HTTPException(HTTPStatus.NOT_IMPLEMENTED, NOT_KEPT)
-    await _wait(desk.source.refresh(grant.robot, grant.view))
+    await _wait(service.source.refresh(grant.robot, grant.view))
     await access.live.open_robot(grant.robot)
-    if access.find_robot(grant) is None and not await _wait(desk.has_any(grant)):
+    if access.find_robot(grant) is None and not await _wait(service.has_any(grant)):
         raise HTTPException(HTTPStatus.NOT_FOUND, HIDDEN)
-    return grant, desk
+    return grant, service
 
 
-async def _send_day(request: Request, desk: PastDesk, grant: Grant, day: PastSpan, text: str) -> Response:
+async def _send_day(
+    request: Request, service: PastService, grant: Grant, day: PastSpan, text: str
+) -> Response:
     """Send a day by minutes. Raises HTTPException 503."""
 
     async def load() -> bytes:
-        return documents.make_day(grant.view, day, await _wait(desk.list_minutes(grant, day)))
+        return documents.make_day(grant.view, day, await _wait(service.list_minutes(grant, day)))
 
-    return await desk.answers.load_answer(request, _key(grant, text), load, _share(grant, 1.0))
+    return await service.answers.load_answer(request, _key(grant, text), load, _share(grant, 1.0))
 
 
-async def _find(desk: PastDesk, grant: Grant, name: tuple[int, int]) -> Found:
+async def _find(service: PastService, grant: Grant, name: tuple[int, int]) -> Found:
     """Return a segment, or what to send instead. Raises HTTPException 503.
 
     Another gateway may have announced a name that this one does not know yet, so it looks again once.
     """
-    found = await _wait(desk.find_segment(grant, *name))
+    found = await _wait(service.find_segment(grant, *name))
     if found is None and grant.past_s > 0:
-        await _wait(desk.source.refresh(grant.robot, grant.view, anew=True))
-        found = await _wait(desk.find_segment(grant, *name))
+        await _wait(service.source.refresh(grant.robot, grant.view, anew=True))
+        found = await _wait(service.find_segment(grant, *name))
     return found
 
 
 async def _hold(
-    desk: PastDesk, grant: Grant, name: tuple[int, int], now: Callable[[], float], until_s: float
+    service: PastService, grant: Grant, name: tuple[int, int], now: Callable[[], float], until_s: float
 ) -> bool:
     """Wait until a segment may exist or the rules change, at most until `until_s`, in seconds of `now`.
 
     Returns False if there is nothing to wait for. Raises HTTPException 503.
     """
-    rules, has_waited = desk.policy, False
-    while (left_s := until_s - now()) > 0 and desk.policy is rules:
-        unix_ms = desk.compute_unix_ms()
-        found = desk.reader.find_segment(grant, *name, unix_ms)
+    rules, has_waited = service.policy, False
+    while (left_s := until_s - now()) > 0 and service.policy is rules:
+        unix_ms = service.compute_unix_ms()
+        found = service.reader.find_segment(grant, *name, unix_ms)
         if not isinstance(found, NotYet):
             return has_waited
         if found.due_ms is not None:
             left_s = min(left_s, (found.due_ms - unix_ms + 1) / 1000)
-        if not await desk.held.wait(grant.robot, grant.view, left_s):
+        if not await service.held.wait(grant.robot, grant.view, left_s):
             return False
         has_waited = True
-        await _wait(desk.source.refresh(grant.robot, grant.view))
+        await _wait(service.source.refresh(grant.robot, grant.view))
     return left_s > 0
 
 
-def _answer(request: Request, desk: PastDesk, grant: Grant, found: Found) -> Response:
+def _answer(request: Request, service: PastService, grant: Grant, found: Found) -> Response:
     """Send a segment, or what replaces it. Raises HTTPException 404."""
-    answers = desk.held.answers
+    answers = service.held.answers
     if found is None:
         answers["none"] += 1
         _refuse(grant, "no such segment in the part of the past that you may see")
@@ -302,7 +306,7 @@ def _answer(request: Request, desk: PastDesk, grant: Grant, found: Found) -> Res
         body, headers = documents.make_next(found), _share(grant, 1.0)
         return Response(body, headers=headers, media_type="application/json")
     answers["segment"] += 1
-    window = find_past_window(grant, desk.compute_unix_ms())
+    window = find_past_window(grant, service.compute_unix_ms())
     headers = _share(grant, window.compute_left_s(found.from_ms))
     return _send(request, found.data, BINARY, found.sha256.hex(), headers)
 
@@ -374,7 +378,7 @@ def _compute_page_s(grant: Grant, page: PastSpan, found: ShownPage, unix_ms: int
     return min(LIST_SHARED_S, *(window.compute_left_s(segment.from_ms) for segment in found.segments))
 
 
-def _tells(*models: type) -> dict[int | str, dict[str, Any]]:
+def _describe_answer(*models: type) -> dict[int | str, dict[str, Any]]:
     """Describe a response for the API description."""
     model: Any = models[0]
     for other in models[1:]:

@@ -101,13 +101,13 @@ NOBODY = "x"
 FORM = re.compile("a?l?s?|x", re.ASCII)
 
 
-def write_letters(audiences: Iterable[Audience]) -> str:
+def pack_audiences(audiences: Iterable[Audience]) -> str:
     """Return one letter for each audience, sorted; x for none."""
     return "".join(sorted(LETTERS[audience] for audience in audiences)) or NOBODY
 
 
-def read_letters(text: str) -> frozenset[Audience]:
-    """Parse what `write_letters` wrote. Raises ValueError."""
+def unpack_audiences(text: str) -> frozenset[Audience]:
+    """Parse what `pack_audiences` wrote. Raises ValueError."""
     if not text or not FORM.fullmatch(text):
         raise ValueError("invalid audiences")
     return frozenset(audience for audience, letter in LETTERS.items() if letter in text)

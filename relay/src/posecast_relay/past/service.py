@@ -19,8 +19,8 @@ from posecast_relay.core.policy import Grant, Policy, find_past_window
 from posecast_relay.net.answer_cache import AnswerCache
 from posecast_relay.past.deletions import Deletion, Deletions
 from posecast_relay.past.documents import DAY_MS, PAGE_MS, PastExtent, PastSpan
-from posecast_relay.past.index import DayIndex, DayReach, MinuteRow, sum_minutes
-from posecast_relay.past.reading import NotYet, PastReader, Unseen
+from posecast_relay.past.index import DayIndex, MinuteRow, ShownDay, sum_minutes
+from posecast_relay.past.reading import HiddenSpans, NotYet, PastReader
 from posecast_relay.past.segment import KeptSegment, SegmentName
 from posecast_relay.past.source import PastAway, PastSource
 
@@ -228,7 +228,7 @@ class ShownPage(NamedTuple):
     is_whole: bool
 
 
-class PastDesk:
+class PastService:
     """Combines the source of the past, the waiting requests and the clocks.
 
     `now` is the core's clock in seconds. `unix_s` is the wall clock that segments' times refer to. Methods
@@ -250,7 +250,7 @@ class PastDesk:
         self.deletions = deletions or Deletions()
         self.deletions.on_added(self._forget)
         self.has_models = has_models
-        self.unseen = Unseen(knows_all=not source.is_older)
+        self.unseen = HiddenSpans(knows_all=not source.is_older)
         self.reader = PastReader(source.kept, self.unseen)
         self.held = HeldRequests()
         self.answers = AnswerCache(now)
@@ -313,13 +313,13 @@ class PastDesk:
             from_ms, to_ms, None if newest is None else newest.name, tuple(sorted(days)), deleted
         )
 
-    async def _load_reaches(self, grant: Grant) -> list[DayReach]:
+    async def _load_reaches(self, grant: Grant) -> list[ShownDay]:
         window = find_past_window(grant, self.compute_unix_ms())
         if window.to_ms <= window.from_ms:
             return []
         return await self.source.load_reaches(grant.robot, grant.view, window.from_ms, window.to_ms)
 
-    async def _shows_day(self, grant: Grant, reach: DayReach) -> bool:
+    async def _shows_day(self, grant: Grant, reach: ShownDay) -> bool:
         """Whether a day has a minute that the grant may see."""
         spans = [span for span in reach.spans if grant.by in span.audiences]
         unix_ms = self.compute_unix_ms()
@@ -327,7 +327,7 @@ class PastDesk:
             return True  # all of it, so a minute too
         return bool(spans and await self._list_spans(grant, reach))
 
-    async def _list_spans(self, grant: Grant, reach: DayReach) -> list[int]:
+    async def _list_spans(self, grant: Grant, reach: ShownDay) -> list[int]:
         """Return the start of each minute of a day that the grant may see, unix ms."""
         day = await self.source.load_day(grant.robot, grant.view, reach.day_ms)
         return [row.from_ms for row in self._list_rows(grant, day)]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from posecast_relay.core.policy import Audience
-from posecast_relay.past.index import DayIndex, DayReach
+from posecast_relay.past.index import DayIndex, ShownDay
 from posecast_relay.past.segment import KeptSegment, SegmentName, TakeSpan
 
 
@@ -89,7 +89,7 @@ class PastSource(Protocol):
         Raises PastAway.
         """
 
-    async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[DayReach]:
+    async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[ShownDay]:
         """Return the days between these times, unix ms, that have more than the recent past, oldest first.
 
         Raises PastAway.
@@ -122,7 +122,7 @@ class RecentOnly:
         past: KeptPast = self.kept
         return past
 
-    async def load_reaches(self, *_asked: object) -> list[DayReach]:
+    async def load_reaches(self, *_asked: object) -> list[ShownDay]:
         """Return no days."""
         return []
 

@@ -3,7 +3,7 @@
     posecast:{-}:past-deleted   stream: a deletion each, as `past/deletion_record.py` packs it
 
 Whoever hears of a deletion elsewhere (from the command, from an object store) writes it there; each process
-reads there once a second. While Redis is away it is tried again; the way of the past's own says so.
+reads there once a second. While Redis is away it is tried again; the connection of the past itself logs that.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ EXPIRY_S = 30 * 86400  # after the last one: nothing that it tells of is there a
 
 
 class RedisDeletions:
-    """The way of deletions to and from Redis. What it hears goes into `deletions`."""
+    """Passes deletions to and from Redis. What it hears goes into `deletions`."""
 
     def __init__(self, url: str, deletions: Deletions) -> None:
         self.link = RedisClient(url)

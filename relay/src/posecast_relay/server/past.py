@@ -37,7 +37,7 @@ from posecast_relay.past.deletions import Deletion, Deletions
 from posecast_relay.past.memory import MemoryPast, MemoryPastSource
 from posecast_relay.past.recorder import Recorder, RecordingPorts
 from posecast_relay.past.segment import KeptSegment
-from posecast_relay.past.service import PastDesk
+from posecast_relay.past.service import PastService
 from posecast_relay.past.source import PastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
 
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("posecast_relay")
 
 CROWD_EVERY_S = 60.0  # between two lines about a robot
-IDLE_TOLD = 5  # the most robots without a kept past named in the line at the start
+IDLE_NAMED = 5  # the most robots without a kept past named in the line at the start
 
 
 def describe_past(settings: Settings, policy: Policy, *, is_new: bool = False) -> str:
@@ -62,8 +62,8 @@ def describe_past(settings: Settings, policy: Policy, *, is_new: bool = False) -
         return "the past: from Redis" + archive
     kept_s = compute_kept_longest_s(policy, compute_recent_s if settings.archive else compute_kept_s)
     if not kept_s:
-        told = "the past: nothing is kept, because nobody may look back (`past` in the file of robots)"
-        return told + archive if policy.keeps_s else told
+        nothing = "the past: nothing is kept, because nobody may look back (`past` in the file of robots)"
+        return nothing + archive if policy.keeps_s else nothing
     return f"the past: {format_duration(kept_s)} in memory, up to {settings.past_memory >> 20} MB{archive}"
 
 
@@ -85,8 +85,8 @@ def describe_archive(settings: Settings, policy: Policy, remark: str = "") -> st
         for robot, keep_s in policy.keeps_s.items()
         if (robot, None) not in idle
     )
-    told = f"; in {at}: {kept:.200}" if kept else f"; nothing in {at}"
-    return "; ".join([told, *(_describe_idle(*each) for each in idle[:IDLE_TOLD])])
+    rest = f"; in {at}: {kept:.200}" if kept else f"; nothing in {at}"
+    return "; ".join([rest, *(_describe_idle(*each) for each in idle[:IDLE_NAMED])])
 
 
 def _describe_idle(robot: str, view: str | None) -> str:
@@ -100,7 +100,7 @@ class PastLog:
     def __init__(self) -> None:
         self._policy: Policy | None = None
         self._crowded: dict[str, int] = {}  # by robot, the count that was already logged
-        self._told_at: dict[str, float] = {}
+        self._reported_at: dict[str, float] = {}
 
     def follow(self, policy: Policy) -> None:
         """Log which audiences can no longer see a robot, or may look back differently, and which `keep` has
@@ -126,9 +126,9 @@ class PastLog:
     def report_crowding(self, kept: MemoryPast, now: float) -> None:
         """Log each robot that has lost its oldest data because memory is full, at most once a minute."""
         for robot, count in kept.crowded.items():
-            if count == self._crowded.get(robot, 0) or now < self._told_at.get(robot, now):
+            if count == self._crowded.get(robot, 0) or now < self._reported_at.get(robot, now):
                 continue
-            self._crowded[robot], self._told_at[robot] = count, now + CROWD_EVERY_S
+            self._crowded[robot], self._reported_at[robot] = count, now + CROWD_EVERY_S
             reach = format_duration(round(kept.compute_reach_s(robot, now)))
             log.warning(
                 "the past: memory is full (--past-memory, %d MB): %s uses most of it, lost its oldest "
@@ -214,12 +214,12 @@ class PastServices:
     writer: RedisPastWriter | None = None
     reader: RedisPast | None = None
     deletions: Deletions = field(default_factory=Deletions)
-    told: RedisDeletions | None = None  # passes deletions through Redis
+    deletion_feed: RedisDeletions | None = None  # passes deletions through Redis
     socket: PastSocket | None = None
     archive: ArchiveServices | None = None
 
     @property
-    def way(self) -> RedisPastWriter | RedisPast | None:
+    def connection(self) -> RedisPastWriter | RedisPast | None:
         """The connection that writes to Redis, or reads from it."""
         return self.writer or self.reader
 
@@ -228,9 +228,9 @@ class PastServices:
         """The archive, if this process writes it."""
         return None if self.archive is None or self.archive.writer is None else self.archive
 
-    def make_desk(self, dispatcher: Dispatcher) -> PastDesk:
+    def make_service(self, dispatcher: Dispatcher) -> PastService:
         """Make what the routes of the past need."""
-        return PastDesk(
+        return PastService(
             *(self.source, dispatcher.now, dispatcher.unix_s, self.deletions),
             has_models=self.archive is not None,
         )
@@ -249,10 +249,10 @@ class PastServices:
 
         Data is dropped at once when the policy changes, and regularly as time passes.
         """
-        if self.way is not None:
-            self.way.start()
-        if self.told is not None:
-            self.told.start()
+        if self.connection is not None:
+            self.connection.start()
+        if self.deletion_feed is not None:
+            self.deletion_feed.start()
         if self.archive is not None:
             self.archive.start()
         async with self.socket or contextlib.nullcontext():
@@ -283,10 +283,10 @@ class PastServices:
         """Close the open segments, then the connection to Redis."""
         if self.recorder is not None:
             self.recorder.close_all(now)
-        if self.way is not None:
-            await self.way.stop()
-        if self.told is not None:
-            await self.told.stop()
+        if self.connection is not None:
+            await self.connection.stop()
+        if self.deletion_feed is not None:
+            await self.deletion_feed.stop()
         if self.archive is not None:
             await self.archive.stop()
 
@@ -300,11 +300,11 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
     """Make the past for the role in `settings`; None with `--past 0`. `port`: where the relay listens."""
     if settings.past is None:
         return None
-    deletions, told = Deletions(), None
+    deletions, deletion_feed = Deletions(), None
     if settings.store != "memory://":
         from posecast_relay.redis.past_deletions import RedisDeletions  # noqa: PLC0415
 
-        told = RedisDeletions(settings.store, deletions)
+        deletion_feed = RedisDeletions(settings.store, deletions)
     archive: ArchiveServices | None = None
     if settings.archive is not None:
         from posecast_relay.server.archive import make_archive  # noqa: PLC0415 — seldom wanted
@@ -315,7 +315,9 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
 
         reader = RedisPast(settings.store, settings.past_memory, Dispatcher.now, deletions)
         source = reader if archive is None else archive.join(reader)
-        return PastServices(source, reader=reader, deletions=deletions, told=told, archive=archive)
+        return PastServices(
+            source, reader=reader, deletions=deletions, deletion_feed=deletion_feed, archive=archive
+        )
     kept = MemoryPast(settings.past_memory)
     memory = ObedientMemory(kept, deletions)
     ports = RecordingPorts(memory.add, lambda: secrets.randbits(64), time.time)
@@ -330,15 +332,12 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
     memory_source = MemoryPastSource(kept)
     path = find_socket_path(settings.past_socket, port)
     return PastServices(
-        *(
-            memory_source if archive is None else archive.join(memory_source),
-            kept,
-            Recorder(ports, list_lookers),
-            writer,
-            None,
-            deletions,
-            told,
-        ),
+        memory_source if archive is None else archive.join(memory_source),
+        kept=kept,
+        recorder=Recorder(ports, list_lookers),
+        writer=writer,
+        deletions=deletions,
+        deletion_feed=deletion_feed,
         socket=None if path is None else PastSocket(path, kept, deletions, settings.archive),
         archive=archive,
     )

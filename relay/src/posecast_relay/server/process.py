@@ -32,7 +32,7 @@ from posecast_relay.http.app import make_app
 from posecast_relay.http.metrics import RelayCollector, start_metrics
 from posecast_relay.logging import LoopExceptionHandler, start_logging
 from posecast_relay.net.encodings import DecodeCache
-from posecast_relay.past.service import PastDesk
+from posecast_relay.past.service import PastService
 from posecast_relay.runtime.dispatcher import Dispatcher
 from posecast_relay.runtime.port_holder import explain_taken
 from posecast_relay.server.access import (
@@ -213,9 +213,9 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
     watch = make_watcher(settings, robots, access, admit)
     configuration = Configuration(watch, router)
     mirror = _mirror(settings, access)
-    decoded, desk = DecodeCache(), None if past is None else past.make_desk(dispatcher)
+    decoded, service = DecodeCache(), None if past is None else past.make_service(dispatcher)
     try:
-        stop_metrics = _metrics(settings, access, mirror, refusals, past, desk, configuration)
+        stop_metrics = _metrics(settings, access, mirror, refusals, past, service, configuration)
     except StartError:
         await _close(router)
         raise
@@ -225,8 +225,8 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
         _tell(listener, router, describe_past(settings, access.policy, is_new=is_store_new(past)))
 
     def leaving() -> None:
-        if desk is not None:
-            desk.held.release()
+        if service is not None:
+            service.held.release()
 
     app = make_app(
         access,
@@ -235,7 +235,7 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
         settings.static or find_page(),
         settings.public_url,
         _find_publish_at(settings, router),
-        desk,
+        service,
         configuration.find_trouble,
         _make_admin(settings, watch, configuration, refusals, past),
     )
@@ -374,20 +374,22 @@ def _metrics(
     mirror: FirebaseMirror | None,
     refusals: AuthFailures | None,
     past: PastServices | None,
-    desk: PastDesk | None,
+    service: PastService | None,
     configuration: Configuration,
 ) -> Callable[[], None]:
     if settings.metrics_port is None:
         return lambda: None
     refused = int if refusals is None else lambda: refusals.count
-    kept, way, archive = (None, None, None) if past is None else (past.kept, past.way, past.written_archive)
-    held = None if desk is None else desk.held
+    kept, connection, archive = (
+        (None, None, None) if past is None else (past.kept, past.connection, past.written_archive)
+    )
+    held = None if service is None else service.held
     collector = RelayCollector(
         access.dispatchers,
         mirror,
         refused,
         kept,
-        way,
+        connection,
         held,
         archive,
         configuration.measure,

@@ -270,7 +270,7 @@ def add_admin_routes(
     @app.get(
         API,
         summary="Data of the page /admin; needs its credential",
-        responses=ERRORS | _tells(AdminReport),
+        responses=ERRORS | _describe_answer(AdminReport),
     )
     async def report(request: Request) -> JSONResponse:
         _require_admin(access, sources, request)
@@ -279,7 +279,7 @@ def add_admin_routes(
     @app.post(
         API + "/robots/{robot}/links",
         summary="Make a share link, valid for days= (7 by default)",
-        responses=CHANGE_ERRORS | _tells(MadeShareLink),
+        responses=CHANGE_ERRORS | _describe_answer(MadeShareLink),
     )
     async def make_link(request: Request, robot: str, days: str = "7") -> JSONResponse:
         _require_admin(access, sources, request)
@@ -295,7 +295,7 @@ def add_admin_routes(
     @app.delete(
         API + "/robots/{robot}/links",
         summary="Revoke all share links of this robot",
-        responses=CHANGE_ERRORS | _tells(Nothing),
+        responses=CHANGE_ERRORS | _describe_answer(Nothing),
     )
     async def revoke_links(request: Request, robot: str) -> JSONResponse:
         _require_admin(access, sources, request)
@@ -309,7 +309,7 @@ def add_admin_routes(
         return JSONResponse({}, headers=PRIVATE)
 
 
-def _tells(model: type) -> dict[int | str, dict[str, Any]]:
+def _describe_answer(model: type) -> dict[int | str, dict[str, Any]]:
     """Describe a response schema, for OpenAPI."""
     return {200: {"model": model, "description": "JSON"}}
 
