@@ -71,7 +71,7 @@ def play(text: str, path: Path, hz: int, key_interval_s: float, segment_s_max: f
             frame = encoder.encode(quantiser.quantise(sample), seq, sent_s, sent_s)
             stamp, now_s = Stamp(RUN, round(sent_s * 1e9)), START_S + sent_s + draw.uniform(*UPLINK_S)
             recorder.close_due(now_s)
-            hub.take_frame("hubo", "public", frame, stamp, now_s)
+            hub.receive_frame("hubo", "public", frame, stamp, now_s)
             if seq == 0:
                 hub.take_snapshot("hubo", "public", Snapshot(text, {}, frame, None), stamp, now_s)
             hub.changed.clear()

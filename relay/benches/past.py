@@ -71,13 +71,13 @@ def make_frames() -> Iterator[tuple[float, bytes, Snapshot | None]]:
 
 
 def play(hub: Hub, frames: list[tuple[float, bytes, Snapshot | None]], played: Played) -> list[int]:
-    """Give a hub all frames; how many ns each `take_frame` took."""
+    """Give a hub all frames; how many ns each `receive_frame` took."""
     took_ns: list[int] = []
     for now_s, frame, snapshot in frames:
         stamp, now = Stamp(RUN, round(now_s * 1e9)), 1000.0 + now_s
         played.now = now
         began_ns = time.perf_counter_ns()
-        hub.take_frame("demo", "public", frame, stamp, now)
+        hub.receive_frame("demo", "public", frame, stamp, now)
         took_ns.append(time.perf_counter_ns() - began_ns)
         if snapshot is not None:
             hub.take_snapshot("demo", "public", snapshot, stamp, now)

@@ -44,7 +44,7 @@ CLASSES = (
 # must not fail: what is called when something has failed, and what the process does for everybody at once
 SOUND = {
     *("end_after_fault", "cut", "abort", "report_fault", "_work", "_sweep"),
-    *("recheck_accounts", "recheck_once", "set_policy", "_rejudge_some"),
+    *("recheck_accounts", "recheck_once", "set_policy", "_readmit_some"),
 }
 
 

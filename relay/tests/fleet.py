@@ -108,7 +108,7 @@ class Ingest(Process, NoSource):
     def frame(self, edge: FleetEdge, payload: bytes, stamp: Any) -> None:
         """Has come."""
         if self.is_up and edge in self.edges:
-            self.hub.take_frame(edge.robot, PUBLIC, payload, stamp, self.dispatcher.now())
+            self.hub.receive_frame(edge.robot, PUBLIC, payload, stamp, self.dispatcher.now())
             self.dispatcher.flush()
 
     def request_snapshots(self, robot: str, _views: Sequence[str]) -> None:

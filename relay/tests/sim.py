@@ -166,7 +166,7 @@ class World:
     def publish(self, edge: Edge, payload: bytes | None = None, robot: str = "r") -> str:
         """A frame arrives at once and is handed out; returns what became of it."""
         data = edge.frame(self.now) if payload is None else payload
-        outcome = self.hub.take_frame(robot, "public", data, edge.stamp(self.now), self.now)
+        outcome = self.hub.receive_frame(robot, "public", data, edge.stamp(self.now), self.now)
         self.flush()
         return outcome.value
 

@@ -39,7 +39,7 @@ class Hall:
         live, now = self.access.live, self.access.live.now()
         edge = Edge(0xE, schema(), began_s=now)
         live.carry_out(self.hub.set_token(ROBOT, True, now))
-        self.hub.take_frame(ROBOT, "public", edge.frame(now, force_key=True), edge.stamp(now), now)
+        self.hub.receive_frame(ROBOT, "public", edge.frame(now, force_key=True), edge.stamp(now), now)
         self.hub.take_snapshot(ROBOT, "public", edge.snapshot(), edge.stamp(now), now)
         judge = self.access.judge
         grant = judge(Applicant(ROBOT, None, who=ANYONE))

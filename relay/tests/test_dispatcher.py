@@ -107,7 +107,7 @@ async def test_a_crowd_is_served_in_slices_and_frames_meanwhile_replace_each_oth
 
     def publish() -> None:
         now = dispatcher.now()
-        dispatcher.hub.take_frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        dispatcher.hub.receive_frame("r", "public", edge.frame(now), edge.stamp(now), now)
         dispatcher.flush()
 
     publish()
@@ -182,7 +182,7 @@ def serving(store: MemoryStore) -> tuple[Dispatcher, Callable[[], None]]:
 
     def publish() -> None:
         now = dispatcher.now()
-        dispatcher.hub.take_frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        dispatcher.hub.receive_frame("r", "public", edge.frame(now), edge.stamp(now), now)
         dispatcher.flush()
 
     publish()

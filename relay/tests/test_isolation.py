@@ -129,7 +129,7 @@ class World:
                 self.step(robot, n)
             self.do(hub.flush, self.now, UNIX_S)
             if n == 100:
-                self.do(hub.judge_load, 0.5, self.now)
+                self.do(hub.measure_load, 0.5, self.now)
         for robot in (MINE, OTHER):
             self.do(hub.set_token, robot, False, self.now)
 

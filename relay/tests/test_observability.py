@@ -89,7 +89,7 @@ async def test_a_ceiling_for_delayed_viewers_shows_as_well() -> None:
 
     assert read() == float("inf")
     for second in range(3):
-        hubs[1].load.judge(busy=1.0, behind=0, viewers=1, fastest_hz=30.0, now=float(second))
+        hubs[1].load.measure_load(busy=1.0, behind=0, viewers=1, fastest_hz=30.0, now=float(second))
     assert read() == 15.0
 
 

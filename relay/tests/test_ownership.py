@@ -129,7 +129,7 @@ def test_whatever_it_is_called_nobody_else_writes_it(monkeypatch: pytest.MonkeyP
     viewers[1].pause(world.now)
     edge.info = {"a": "b"}
     world.answer(edge)
-    world.do(world.hub.judge_load(0.5, world.now))
+    world.do(world.hub.measure_load(0.5, world.now))
     world.do(world.hub.resume_viewer(viewers[1]))
     world.now += 5.0  # the process stood still
     world.run(edge, 20.0)

@@ -134,7 +134,7 @@ def test_a_fault_shows_no_pose_of_the_dark_either(
 ) -> None:
     world, edge = leave_the_dark(dark)
     with monkeypatch.context() as patch:
-        patch.setattr(StreamRecording, "take_frame", fail)
+        patch.setattr(StreamRecording, "append_frame", fail)
         world.hear(edge, edge.frame(world.now))
     assert len(world.recorder.take_faults()) == world.recorder.faults.pop("ZeroDivisionError") == 1
     close_after_next_key(world, edge, 30)

@@ -48,7 +48,7 @@ Place = tuple[Any, str, Callable[..., bool]]
 AT_THE_GATEWAY: list[Place] = [
     (RedisGateway, "_read_message", of_robot),
     (RedisGateway, "_take_states", of_robot),
-    (RedisGateway, "_judge_silence", of_robot),
+    (RedisGateway, "_check_silence", of_robot),
     (RedisGateway, "_maintain", of_robot),
     (RedisGateway, "_watch_pinned", always),
     (RedisGateway, "_exchange", always),
@@ -58,7 +58,7 @@ AT_THE_GATEWAY: list[Place] = [
     (ReplicaFeed, "take_presence", of_robot),
     (ReplicaFeed, "set_generation", of_robot),
     (ReplicaFeed, "take_event", of_robot),
-    (Hub, "take_frame", of_robot),
+    (Hub, "receive_frame", of_robot),
     (Hub, "take_snapshot", of_robot),
     (Stream, "append_numbered", of_robot),
 ]
@@ -69,7 +69,7 @@ AT_THE_INGEST: list[Place] = [
     (RedisStore, "_is_current", of_robot),
     (RedisStore, "_hears_frames", of_robot),
     (RedisStore, "_resume_from", of_robot),
-    (RedisStore, "_judge", of_robot),
+    (RedisStore, "_renew_lease", of_robot),
     (RedisDirectory, "exchange", always),
     (Stream, "resume_events", of_robot),
 ]

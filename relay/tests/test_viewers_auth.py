@@ -183,7 +183,7 @@ class Doors:
             for view in ("public", "lab"):
                 self.dispatcher.carry_out(self.dispatcher.hub.set_token(robot, True, now))
                 data = edge.frame(now, force_key=True)
-                self.dispatcher.hub.take_frame(robot, view, data, edge.stamp(now), now)
+                self.dispatcher.hub.receive_frame(robot, view, data, edge.stamp(now), now)
                 self.dispatcher.hub.take_snapshot(robot, view, edge.snapshot(), edge.stamp(now), now)
         self.dispatcher.flush()
         self.address = ""

@@ -69,7 +69,7 @@ class Access:
         self.addresses = Addresses(live.hub.limits.per_address) if addresses is None else addresses
         self._renewals: set[asyncio.Task[None]] = set()
         self._outdated: deque[Viewer] = deque()  # those to whom the present policy has yet to be applied
-        self._rejudging: asyncio.Handle | None = None
+        self._readmitting: asyncio.Handle | None = None
         self._followers: list[Callable[[Policy], None]] = []
         self._told_full: set[str | None] = set()  # why there was no lane; None: there was one
         if later is not None:
@@ -92,7 +92,7 @@ class Access:
         decision = admit(applicant, self.policy, self.has_past)
         return decision if isinstance(decision, Refusal) else None
 
-    def judge(self, applicant: Applicant) -> Grant | Refusal:
+    def admit(self, applicant: Applicant) -> Grant | Refusal:
         """Return the grant for a robot, or why it is refused.
 
         Call this only after the attempt to identify the applicant.
@@ -112,7 +112,7 @@ class Access:
         address = self.addresses.enter(peer, forwarded)
         if address is not None:
             return address
-        crowded = self.judge(replace(applicant, is_crowded=True))
+        crowded = self.admit(replace(applicant, is_crowded=True))
         assert isinstance(crowded, Refusal)
         return crowded
 
@@ -176,12 +176,12 @@ class Access:
                     _record_for_later(
                         self.live.hub, self._delayed, self.later, live[robot].rooms[view].stream
                     )
-        if self._rejudging is not None:
-            self._rejudging.cancel()
+        if self._readmitting is not None:
+            self._readmitting.cancel()
         self._outdated = deque(viewer for dispatcher in self.dispatchers for viewer in dispatcher.hub.viewers)
-        self._rejudge_some()
+        self._readmit_some()
 
-    def _rejudge_some(self) -> None:
+    def _readmit_some(self) -> None:
         """Apply the policy to the next REJUDGED_AT_ONCE viewers, and to the others in later turns."""
         for _ in range(min(REJUDGED_AT_ONCE, len(self._outdated))):
             viewer = self._outdated.popleft()
@@ -192,9 +192,9 @@ class Access:
                 who = (
                     self.tokens.identify_link(viewer.grant.who.token) or Close.TOKEN
                 )  # its key may have changed
-            self._rejudge(viewer, who)
+            self._readmit(viewer, who)
         is_done = not self._outdated
-        self._rejudging = None if is_done else asyncio.get_running_loop().call_soon(self._rejudge_some)
+        self._readmitting = None if is_done else asyncio.get_running_loop().call_soon(self._readmit_some)
 
     def on_policy(self, follow: Callable[[Policy], None]) -> None:
         """Call `follow` with the policy now, and each time it is replaced."""
@@ -221,7 +221,7 @@ class Access:
         if self.live.hub.recorder is not None:
             self.live.hub.recorder.set_policy(self.policy, self.live.now())
 
-    def _rejudge(self, viewer: Viewer, who: Principal | Close) -> None:
+    def _readmit(self, viewer: Viewer, who: Principal | Close) -> None:
         """Apply the policy to a connected viewer again. Close the viewer if that fails."""
         dispatcher = next(
             (dispatcher for dispatcher in self.dispatchers if viewer in dispatcher.hub.viewers), None
@@ -229,14 +229,14 @@ class Access:
         if dispatcher is None:
             return
         try:
-            self._judge_again(dispatcher, viewer, who)
+            self._apply_policy(dispatcher, viewer, who)
         except Exception as e:
             dispatcher.report_fault("a viewer's rights", e)
             refusal = REFUSALS[Close.INTERNAL_ERROR]
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, refusal.close, refusal.reason))
 
-    def _judge_again(self, dispatcher: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
-        found = self.judge(Applicant(viewer.robot, viewer.asked_view, who=who))
+    def _apply_policy(self, dispatcher: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
+        found = self.admit(Applicant(viewer.robot, viewer.asked_view, who=who))
         if isinstance(found, Refusal):
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, found.close, found.reason))
         else:
@@ -252,7 +252,7 @@ class Access:
             except Exception as e:
                 self.live.report_fault("a viewer's token", e)
                 who = Close.INTERNAL_ERROR
-            self._rejudge(viewer, who)
+            self._readmit(viewer, who)
 
         if self.tokens is not None and viewer.grant is not None and len(self._renewals) < RENEWALS_MAX:
             task = asyncio.create_task(renew(), name="token")
@@ -278,7 +278,7 @@ class Access:
                     if who.token not in judged:
                         judged[who.token] = await self.identify(who.token)
                     if judged[who.token] == Close.TOKEN:
-                        self._rejudge(viewer, Close.TOKEN)
+                        self._readmit(viewer, Close.TOKEN)
 
 
 def open_access(

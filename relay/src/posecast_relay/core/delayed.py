@@ -194,7 +194,7 @@ class DelayedHub(Hub):
                 self.outcomes["bad"] += 1
                 return
         if moment.live:
-            self.take_frame(robot, view, newest.payload, stamp, now, moment.late_s)
+            self.receive_frame(robot, view, newest.payload, stamp, now, moment.late_s)
             room = self.robots[robot].rooms.get(view)
             if room is not None:
                 room.stream.set_age_unless_live(

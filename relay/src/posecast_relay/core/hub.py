@@ -157,7 +157,7 @@ class Hub:
         self.joins = 0
         self.draining: Drain | None = None  # set: no viewer may join
         self._status_at = 0.0
-        self._status_goes = False  # sent along with the frames of this flush
+        self._status_due = False  # sent along with the frames of this flush
         self._sweep_at = 0.0
         self._sweeps = 0
 
@@ -232,9 +232,9 @@ class Hub:
         if found is not None and not found[0].share.allow_frame(view, len(payload), hashed, now):
             self.outcomes[FrameOutcome.OVER_SHARE.value] += 1
             return FrameOutcome.OVER_SHARE
-        return self.take_frame(robot, view, payload, stamp, now)
+        return self.receive_frame(robot, view, payload, stamp, now)
 
-    def take_frame(
+    def receive_frame(
         self, robot: str, view: str, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> FrameOutcome:
         """Take a frame. The next `flush` sends the newest one.
@@ -246,7 +246,7 @@ class Hub:
             outcome = FrameOutcome.CROWDED
         else:
             of, room = found
-            outcome = of.take_frame(room, payload, stamp, now, late_s)
+            outcome = of.adopt_frame(room, payload, stamp, now, late_s)
             if outcome is FrameOutcome.TAKEN:
                 self.changed[room] = None
                 self.lateness.add(of.runs.lateness_s)
@@ -578,7 +578,7 @@ class Hub:
         self.wake_at = min(self.wake_at, drain.wake_at)
         return out
 
-    def judge_load(self, busy: float, now: float) -> list[Action]:
+    def measure_load(self, busy: float, now: float) -> list[Action]:
         """Adapt the rates to the load. Call it once a second.
 
         `busy`: the share of that second, 0 to 1, that the event loop spent computing.
@@ -586,7 +586,7 @@ class Hub:
         before = self.load.ceiling_hz
         behind = sum(room.count_behind() for robot in self.robots.values() for room in robot.rooms.values())
         fastest_hz = max((viewer.asked_hz for viewer in self.viewers), default=0.0)
-        if not self.load.judge(busy, behind, len(self.viewers), fastest_hz, now):
+        if not self.load.measure_load(busy, behind, len(self.viewers), fastest_hz, now):
             return []
         reason = "overload" if self.load.ceiling_hz < before else "recovered"
         out: list[Action] = []
@@ -669,18 +669,18 @@ class Hub:
     def _report(self, now: float) -> list[Action]:
         """Send the statuses, with the next frame or alone to viewers that get no frame soon."""
         out: list[Action] = []
-        self._status_goes = not self._status_goes
+        self._status_due = not self._status_due
         for robot in self.robots.values():
             for room in robot.rooms.values():
                 if not room.viewers:
                     continue
                 out += self.guard(room, partial(self._report_room, robot, room, now))
         alone_s = self.limits.status_alone_s
-        self._status_at = now + (alone_s if self._status_goes else self.limits.status_s - alone_s)
+        self._status_at = now + (alone_s if self._status_due else self.limits.status_s - alone_s)
         return out
 
     def _report_room(self, robot: Robot, room: Room, now: float) -> list[Action]:
-        if not self._status_goes:
+        if not self._status_due:
             return room.send_deferred_status(now)
         room.defer_status(robot.compute_status(room, now))
         return []

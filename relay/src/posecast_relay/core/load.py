@@ -39,7 +39,7 @@ class LoadShedder:
         """Note how many seconds late a timer of the event loop fired. Called about ten times a second."""
         self._lags.append(lag_s)
 
-    def judge(self, busy: float, behind: int, viewers: int, fastest_hz: float, now: float) -> bool:
+    def measure_load(self, busy: float, behind: int, viewers: int, fastest_hz: float, now: float) -> bool:
         """Judge the last second. Returns True if `ceiling_hz` has changed. Called once a second.
 
         `busy`: the share of that second, 0 to 1, that the loop spent computing; `behind`: viewers that could

@@ -128,7 +128,7 @@ class ReplicaFeed:
             age_s = late_s + max(0, said.frames[-1][0] - ns) / 1e9  # a KEY can be older than the newest frame
             if under_way_s is not None:  # then the lateness is absolute, not relative to the smallest seen
                 of.runs.record_answer(stamp, age_s, now)
-            hub.take_frame(robot, said.view, payload, stamp, now, age_s)
+            hub.receive_frame(robot, said.view, payload, stamp, now, age_s)
         out: list[Action] = []
         if source.before is not None and room.stream.newest is not source.before.get(said.view):
             source.before = None

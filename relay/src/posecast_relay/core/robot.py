@@ -357,7 +357,7 @@ class Robot:
         """Set whether two edges claim it."""
         self.in_conflict = conflict
 
-    def take_frame(
+    def adopt_frame(
         self, room: Room, payload: bytes, stamp: Stamp, now: float, late_s: float = 0.0
     ) -> FrameOutcome:
         """Take a frame that just arrived. `late_s`: the lateness measured by another relay."""
@@ -376,7 +376,7 @@ class Robot:
                 return FrameOutcome.NO_BASE
             self._adopt(stamp.run_id, now)
         late_s = max(late_s, self.runs.record_arrival(stamp, now))
-        outcome = stream.take_frame(payload, header, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
+        outcome = stream.store_frame(payload, header, stamp.run_id, stamp.elapsed_ns / 1e9, now, late_s)
         if outcome in (FrameOutcome.NO_BASE, FrameOutcome.NO_SCHEMA):
             self.lacking = True
         return outcome

@@ -161,7 +161,7 @@ class Stream:
         except BadFrame:
             return FrameOutcome.BAD
 
-    def take_frame(
+    def store_frame(
         self, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
     ) -> FrameOutcome:
         """Take a frame that just arrived, from a run that is not retired."""

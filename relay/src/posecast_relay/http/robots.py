@@ -34,7 +34,7 @@ def make_robots_document(access: Access, who: Principal, now: float, publish_at:
     shown = []
     for doc in told:
         try:
-            grant = access.judge(Applicant(doc["robot"], who=who))
+            grant = access.admit(Applicant(doc["robot"], who=who))
             if isinstance(grant, Refusal):
                 continue
             summary = _find_summary(access, grant, doc, now)
@@ -48,7 +48,7 @@ def make_robots_document(access: Access, who: Principal, now: float, publish_at:
 
 def find_open_summary(access: Access, robot: str) -> dict[str, Any] | None:
     """Return one robot's entry in the list as anyone sees it; None if it is not public."""
-    grant = access.judge(Applicant(robot, who=ANYONE))
+    grant = access.admit(Applicant(robot, who=ANYONE))
     if isinstance(grant, Refusal):
         return None
     told = access.live.store.list_robots() or ()

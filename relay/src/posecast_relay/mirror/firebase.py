@@ -117,7 +117,7 @@ class FirebaseMirror:
                 yield name, shown
 
     def _shown_of(self, name: str) -> VisibleRobot | None:
-        grant = self._access.judge(Applicant(name, who=ANYONE))
+        grant = self._access.admit(Applicant(name, who=ANYONE))
         if not isinstance(grant, Grant) or grant.viewers is not None:
             return None
         robot, room = self._access.find_robot(grant) or (None, None)

@@ -139,7 +139,7 @@ async def require_grant(access: Access, request: Request, robot: str, view: str 
     """
     if view == "":
         raise HTTPException(400, "view: use a view's name, such as public, or leave view= out")
-    decision = access.judge(await _identify_applicant(access, request, robot, view))
+    decision = access.admit(await _identify_applicant(access, request, robot, view))
     if isinstance(decision, Refusal):
         raise _make_error(decision)
     return decision

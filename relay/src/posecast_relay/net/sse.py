@@ -286,7 +286,7 @@ class _Http(HttpConnection):
             self._enter(asked, replace(applicant, who=who))
 
     def _enter(self, asked: StreamRequest, applicant: Applicant) -> None:
-        grant = self.access.judge(applicant)
+        grant = self.access.admit(applicant)
         if isinstance(grant, Refusal):
             self.refuse(grant.status, grant.reason)
             return

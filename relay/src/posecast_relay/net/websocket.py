@@ -142,7 +142,7 @@ class LiveSocket(asyncio.Protocol):
                 each.callback(self.dispatcher.hub.remove_viewer, viewer)
             if self._closing is not None:
                 each.callback(self._closing.cancel)
-            each.callback(self._waits_no_more)
+            each.callback(self._cancel_token_wait)
             each.callback(self._write_no_more)
 
     @isolated
@@ -250,9 +250,9 @@ class LiveSocket(asyncio.Protocol):
         loop, late = asyncio.get_running_loop(), REFUSALS[Close.TOKEN]
         self._no_token = loop.call_later(TOKEN_S, self._refuse_entry, late)
         if token:
-            self._show(token)
+            self._verify_token(token)
 
-    def _show(self, token: str) -> None:
+    def _verify_token(self, token: str) -> None:
         if self._entering is None:
             self._entering = asyncio.create_task(self._enter_by(token), name="token")
 
@@ -262,21 +262,21 @@ class LiveSocket(asyncio.Protocol):
         if asked is not None and not self._over:
             self._enter(asked, replace(self._applicant, who=who))
 
-    def _waits_no_more(self) -> None:
+    def _cancel_token_wait(self) -> None:
         self._asked = None
         if self._no_token is not None:
             self._no_token.cancel()
 
     @isolated
     def _refuse_entry(self, refusal: Refusal) -> None:
-        self._waits_no_more()
+        self._cancel_token_wait()
         told = self.dispatcher.hub.count_refusal(refusal, self.dispatcher.now())
         self.dispatcher.handshakes["told to go"] += 1
         self.end(told.close, told.reason, told.retry_s, told.lane)
 
     def _enter(self, asked: StreamRequest, applicant: Applicant) -> None:
-        self._waits_no_more()
-        grant = self.access.judge(applicant)
+        self._cancel_token_wait()
+        grant = self.access.admit(applicant)
         if isinstance(grant, Refusal):
             self._refuse_entry(grant)
             return
@@ -326,18 +326,18 @@ class LiveSocket(asyncio.Protocol):
             try:
                 said = parse_viewer_message(text)
             except MessageError as e:
-                self._waits_no_more()
+                self._cancel_token_wait()
                 self.dispatcher.hub.count_ending(e.close)
                 self.end(e.close, str(e), None)
                 return
             if isinstance(said, Auth):
-                self._show(said.token)
+                self._verify_token(said.token)
 
     def _refuse(self, close: Close, reason: str) -> None:
         if self._viewer is not None:
             self.dispatcher.carry_out(self.dispatcher.hub.refuse(self._viewer, close, reason))
         elif self._asked is not None:
-            self._waits_no_more()
+            self._cancel_token_wait()
             self.end(close, reason, None)
 
     # ---- what it is sent (Outlet) -------------------------------------------
@@ -357,7 +357,7 @@ class LiveSocket(asyncio.Protocol):
         self._write_no_more()
         self._ws.send_close(close, reason[:100])
         self._send_own()
-        self._hurry()
+        self._arm_close_timeout()
 
     def _read_no_more(self) -> None:
         self._flooded = True
@@ -380,16 +380,16 @@ class LiveSocket(asyncio.Protocol):
                 self._transport.write(FAILED)
                 self._transport.close()
             elif viewer is not None and viewer in self.dispatcher.hub.viewers:
-                self._hurry()
+                self._arm_close_timeout()
                 self.dispatcher.carry_out(self.dispatcher.hub.refuse(viewer, Close.INTERNAL_ERROR, FAULT))
             else:
-                self._hurry()
+                self._arm_close_timeout()
                 self.dispatcher.hub.count_ending(Close.INTERNAL_ERROR)
                 self.end(Close.INTERNAL_ERROR, FAULT, None)
         except Exception:
             self._transport.abort()
 
-    def _hurry(self) -> None:
+    def _arm_close_timeout(self) -> None:
         if self._closing is None:
             self._closing = asyncio.get_running_loop().call_later(CLOSING_S, self._transport.abort)
 
@@ -401,14 +401,14 @@ class LiveSocket(asyncio.Protocol):
             else:
                 # half-close, and read on for a while: closing with unread data would reset the connection,
                 # and the viewer would never see why
-                self._let_go()
+                self._detach()
                 if self._transport.can_write_eof():
                     self._transport.write_eof()
                 else:
                     self._transport.close()
-                self._hurry()
+                self._arm_close_timeout()
 
-    def _let_go(self) -> None:
+    def _detach(self) -> None:
         """Remove the viewer, write no more, and count protocol errors by their code (1002, 1009)."""
         self._write_no_more()
         viewer, hub, sent = self._viewer, self.dispatcher.hub, self._ws.close_sent

@@ -232,7 +232,7 @@ class StreamRecording:
             self._open = None
             self._begin_take(now)
 
-    def take_frame(self, frame: StoredFrame, late_s: float, now: float) -> None:
+    def append_frame(self, frame: StoredFrame, late_s: float, now: float) -> None:
         """Record a frame. `late_s`: its lateness in seconds, as sent to viewers."""
         at_us = self._follow(now, self._stream.event_n)
         if frame.is_key and self._seen != self._audiences:
@@ -424,7 +424,7 @@ class Recorder:
             recording = self._find(robot, room, room.stream.event_n, now)
             frame, late_s = room.stream.newest, room.stream.compute_age_s(now)
             if recording is not None and frame is not None and late_s is not None:
-                recording.take_frame(frame, late_s, now)
+                recording.append_frame(frame, late_s, now)
                 recording.take_word(robot.compute_status(room, now), now)
                 self._due.put(recording, recording.due_at)
         except Exception as error:

@@ -206,9 +206,9 @@ class RedisGateway:
             return
         if not self._subscriber.is_subscribed(robot):
             self._plan_subscription(robot)
-        self._judge_silence(robot, now)
+        self._check_silence(robot, now)
 
-    def _judge_silence(self, robot: str, now: float) -> None:
+    def _check_silence(self, robot: str, now: float) -> None:
         """Find out why a robot is silent: it has left, its relay is gone, or this connection is dead."""
         source = self._said.get_source(robot)
         if source.told_at is None or now - source.told_at <= UNHEARD_S:

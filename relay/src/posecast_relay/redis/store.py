@@ -373,9 +373,9 @@ class RedisStore:
         answers = iter(await self.link.read_all(ask))
         for robot in robots:
             lease_ms, told = next(answers), next(answers)
-            self._run_guarded(robot, partial(self._judge, robot, 0 < lease_ms <= LEASE_MS, told))
+            self._run_guarded(robot, partial(self._renew_lease, robot, 0 < lease_ms <= LEASE_MS, told))
 
-    def _judge(self, robot: str, is_written: bool, told: object) -> None:
+    def _renew_lease(self, robot: str, is_written: bool, told: object) -> None:
         of, now = self._hub.robots.get(robot), self._now()
         if of is None:
             return

@@ -86,7 +86,7 @@ class MemoryStore:
 
 
 WATCH_S = 0.1
-JUDGE_S = 1.0
+MEASURE_S = 1.0
 AGAIN_S = 0.1  # after the core has failed
 GRAIN_S = 0.002  # a timer this close is not changed
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
@@ -175,7 +175,7 @@ class Dispatcher:
         self._walking = False
         self._flush_waits = False
         self._flushed_at: float | None = None
-        self._judged_at = self.now()
+        self._measured_at = self.now()
         self._used_s = time.thread_time()
         self.loop_lag = Histogram()
         self.fan_out = Histogram()  # of frames: deciding and writing
@@ -215,11 +215,11 @@ class Dispatcher:
         late_s = max(0.0, now - due)
         self.loop_lag.add(late_s)
         self.hub.load.record_lag(late_s)
-        if now - self._judged_at >= JUDGE_S:
-            busy = (time.thread_time() - self._used_s) / (now - self._judged_at)
-            self._judged_at, self._used_s = now, time.thread_time()
+        if now - self._measured_at >= MEASURE_S:
+            busy = (time.thread_time() - self._used_s) / (now - self._measured_at)
+            self._measured_at, self._used_s = now, time.thread_time()
             before = self.hub.load.ceiling_hz
-            self.carry_out(self._decide(lambda: self.hub.judge_load(busy, now)))
+            self.carry_out(self._decide(lambda: self.hub.measure_load(busy, now)))
             if self.hub.load.ceiling_hz != before:
                 ceiling_hz = self.hub.load.ceiling_hz
                 what = "overload" if ceiling_hz < before else "less load"

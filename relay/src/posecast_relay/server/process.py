@@ -201,7 +201,7 @@ def run(settings: Settings) -> None:
 async def _serve(settings: Settings, listener: socket.socket) -> None:
     async with WaitingServer(listener):  # until the robots file is valid
         robots = await wait_for_robots(settings)
-    router, refusals = _publishers(settings, robots)
+    router, refusals = _open_router_and_refusals(settings, robots)
     port = listener.getsockname()[1]
     limits, headcount, past = make_limits(settings), Headcount(), make_past_services(settings, port)
     hub = Hub(limits, headcount, None if past is None else past.recorder)
@@ -209,7 +209,7 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
     services = make_role_services(settings, router, hub, past, delayed.list_robots if delayed else tuple)
     access = make_access(settings, robots, (services.store, services.source), hub, delayed)
     dispatcher = access.live
-    admit = None if router is None else lambda to: services.admit(_admitted(settings, to))
+    admit = None if router is None else lambda to: services.admit(_list_admitted(settings, to))
     watch = make_watcher(settings, robots, access, admit)
     configuration = Configuration(watch, router)
     mirror = _mirror(settings, access)
@@ -245,7 +245,7 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
     await services.start(dispatcher)
     for each in access.dispatchers:
         each.start()
-    beside = _beside(follow_robots(watch, access), mirror, _run_past(past, access))
+    beside = _start_background_tasks(follow_robots(watch, access), mirror, _run_past(past, access))
     try:
         await server.serve(sockets=[listener])
     finally:
@@ -295,7 +295,7 @@ def _find_publish_at(settings: Settings, router: RouterSession | None) -> str | 
     return router.endpoints[0] if router is not None and tells else None
 
 
-def _publishers(
+def _open_router_and_refusals(
     settings: Settings, robots: Robots | None
 ) -> tuple[RouterSession | None, AuthFailures | None]:
     """Open the session to which robots connect, and the counter of refused ones. Raises StartError."""
@@ -305,25 +305,25 @@ def _publishers(
         by_name = None if settings.zenoh_ca is None else lambda robot: router is None or router.lets_in(robot)
         refusals = AuthFailures(by_name)
     try:
-        router = _router(settings, robots)
+        router = _open_router(settings, robots)
     except (ListenError, CertificateError) as e:
         raise StartError(str(e)) from None
     return router, refusals
 
 
-def _router(settings: Settings, robots: Robots | None) -> RouterSession | None:
+def _open_router(settings: Settings, robots: Robots | None) -> RouterSession | None:
     """Open the session to which robots connect; None for a gateway, which has none. Raises ListenError."""
     if settings.role == "gateway":
         return None
     if settings.dev or robots is None:
         zenoh.init_log_from_env_or("off")
         return RouterSession(settings.zenoh_listen, None)
-    admitted = _admitted(settings, robots)
+    admitted = _list_admitted(settings, robots)
     auth = ZenohAuth(admitted, settings.zenoh_tls_cert, settings.zenoh_tls_key, settings.zenoh_ca)
     return RouterSession(settings.zenoh_listen, auth)
 
 
-def _beside(
+def _start_background_tasks(
     following: Coroutine[Any, Any, None],
     mirror: FirebaseMirror | None,
     past: Coroutine[Any, Any, None] | None,
@@ -345,7 +345,7 @@ def _run_past(past: PastServices | None, access: Access) -> Coroutine[Any, Any, 
     return None if past is None else past.run(access, Dispatcher.now)
 
 
-def _admitted(settings: Settings, robots: Robots) -> dict[str, str]:
+def _list_admitted(settings: Settings, robots: Robots) -> dict[str, str]:
     """Return the password of each robot that may publish now; '' if robots use certificates."""
     now_s = time.time()
     return (

@@ -257,12 +257,12 @@ def add_admin_routes(
 
     @app.get("/admin", include_in_schema=False)
     async def without_slash(request: Request) -> Response:
-        _require_place(access, sources, request)
+        _require_allowed_address(access, sources, request)
         return RedirectResponse("admin/", headers=PRIVATE)
 
     @app.get("/admin/{name:path}", include_in_schema=False)
     async def page(request: Request, name: str) -> Response:
-        _require_place(access, sources, request)
+        _require_allowed_address(access, sources, request)
         if name not in FILES:
             raise HTTPException(404, "no such file")
         return FileResponse(PAGE / FILES[name], headers=PAGE_HEADERS)
@@ -314,7 +314,7 @@ def _describe_answer(model: type) -> dict[int | str, dict[str, Any]]:
     return {200: {"model": model, "description": "JSON"}}
 
 
-def _require_place(access: Access, sources: AdminSources, request: Request) -> AdminEntry:
+def _require_allowed_address(access: Access, sources: AdminSources, request: Request) -> AdminEntry:
     """Return who can use the page. Raises HTTPException 404 if nobody can, 403 if the client's address or
     the page's origin is not allowed.
     """
@@ -335,8 +335,8 @@ def _require_place(access: Access, sources: AdminSources, request: Request) -> A
 
 
 def _require_admin(access: Access, sources: AdminSources, request: Request) -> None:
-    """Raises HTTPException 401 without the credential; see also _require_place."""
-    admin = _require_place(access, sources, request)
+    """Raises HTTPException 401 without the credential; see also _require_allowed_address."""
+    admin = _require_allowed_address(access, sources, request)
     token = read_bearer(request.headers.get("authorization")) or ""
     if not hmac.compare_digest(token.encode(), admin.secret.encode()):
         raise HTTPException(401, "wrong or missing credential", PRIVATE | {"www-authenticate": "Bearer"})
