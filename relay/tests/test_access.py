@@ -41,8 +41,8 @@ class Hall:
         live.carry_out(self.hub.set_token(ROBOT, True, now))
         self.hub.receive_frame(ROBOT, "public", edge.frame(now, force_key=True), edge.stamp(now), now)
         self.hub.take_snapshot(ROBOT, "public", edge.snapshot(), edge.stamp(now), now)
-        judge = self.access.judge
-        grant = judge(Applicant(ROBOT, None, who=ANYONE))
+        admit = self.access.admit
+        grant = admit(Applicant(ROBOT, None, who=ANYONE))
         assert isinstance(grant, Grant)
         for _ in range(VIEWERS):
             live.join(Viewer(Screen(), ROBOT, grant.view, 30.0, limits, now, 1e9, grant=grant))
@@ -50,9 +50,9 @@ class Hall:
 
         def count(applicant: Applicant) -> Grant | Refusal:
             self.judged += 1
-            return judge(applicant)
+            return admit(applicant)
 
-        self.access.judge = count  # type: ignore[method-assign]
+        self.access.admit = count  # type: ignore[method-assign]
 
     def rates(self) -> list[float]:
         """The rate of each viewer's grant, in the order in which they came."""

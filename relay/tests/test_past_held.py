@@ -11,7 +11,7 @@ import uvicorn
 from posecast_relay.core.policy import Audience, Policy, Rule
 from posecast_relay.http.metrics import RelayCollector
 from posecast_relay.past import routes
-from posecast_relay.past.service import HELD_MAX, TOLD_EVERY_S, WOKEN_PER_TURN, HeldRequests
+from posecast_relay.past.service import HELD_MAX, REPORTED_EVERY_S, WOKEN_PER_TURN, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
 from posecast_relay.server.http_server import RelayServer
 from posecast_testing import until_async
@@ -335,10 +335,10 @@ def test_the_log_says_once_a_minute_that_places_are_full(caplog: pytest.LogCaptu
     with held.hold():
         full = "the past: 1 requests wait for the next segment, the limit: %d answered at once so far"
         assert knock(1000) == [full % 1]
-        now_s += TOLD_EVERY_S - 1
+        now_s += REPORTED_EVERY_S - 1
         assert knock(1000) == []
         now_s += 1
         assert knock(2) == [full % 2001]
         held.release()
-        now_s += TOLD_EVERY_S
+        now_s += REPORTED_EVERY_S
         assert knock(2) == []

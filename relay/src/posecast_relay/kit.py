@@ -199,28 +199,28 @@ class OutageLog:
     """
 
     def __init__(self) -> None:
-        self._told: set[str] = set()  # kinds of failure already logged in this outage
+        self._reported: set[str] = set()  # kinds of failure already logged in this outage
         self._failed_at = float("-inf")
 
     @property
     def is_open(self) -> bool:
         """Whether an outage is in progress."""
-        return bool(self._told)
+        return bool(self._reported)
 
     def note_failure(self, error: BaseException, now: float) -> str | None:
         """Note a failure. Returns its reason, or None if this outage already had such a failure."""
         self._failed_at = now
         kind = type(error).__name__
-        if kind in self._told:
+        if kind in self._reported:
             return None
-        self._told.add(kind)
+        self._reported.add(kind)
         return str(error) or kind
 
     def note_success(self, now: float) -> bool:
         """Note a success. Returns True once, when it ends an outage: after CALM_S without a failure."""
-        if not self._told or now - self._failed_at < CALM_S:
+        if not self._reported or now - self._failed_at < CALM_S:
             return False
-        self._told.clear()
+        self._reported.clear()
         return True
 
 

@@ -39,7 +39,7 @@ class _Window:
     since_s: float
     first: str  # as text: a record would keep the error's whole traceback in memory
     of: tuple[str, int, str, int]  # logger, level and place
-    said: int = 0
+    written: int = 0
     more: int = 0
 
 
@@ -70,8 +70,8 @@ class RepeatFilter:
             of = (record.name, record.levelno, record.pathname, record.lineno)
             window = self._kinds.get(kind) or _Window(now_s, self._shown(record), of)
             self._kinds[kind] = window
-        if window.said < OF_A_KIND and self._has_room(now_s):
-            window.said += 1
+        if window.written < OF_A_KIND and self._has_room(now_s):
+            window.written += 1
             return True
         window.more += 1
         return False
@@ -107,8 +107,8 @@ def _kind(record: logging.LogRecord) -> Kind:
 
 
 def _sum(window: _Window, passed_s: float) -> logging.LogRecord:
-    said = f"{window.first} … and {window.more:,} more in {passed_s:.0f} s"
-    return logging.LogRecord(*window.of, said, None, None)
+    text = f"{window.first} … and {window.more:,} more in {passed_s:.0f} s"
+    return logging.LogRecord(*window.of, text, None, None)
 
 
 MEMBERS = (
@@ -146,11 +146,11 @@ def describe_error(error: BaseException) -> str:
 
 def _event(record: logging.LogRecord) -> str:
     """Return a record's message as one line."""
-    said = record.getMessage()
+    text = record.getMessage()
     error = record.exc_info[1] if record.exc_info else None
     if error is not None:
-        said = f"{said.rstrip()}: {describe_error(error)}"
-    return visible(said, LINE_MAX)
+        text = f"{text.rstrip()}: {describe_error(error)}"
+    return visible(text, LINE_MAX)
 
 
 def _shows_tracebacks() -> bool:
@@ -200,12 +200,12 @@ class _Stderr(logging.StreamHandler[Any]):
         try:
             now_s = time.monotonic()
             self._sum_up(now_s)
-            said = self._repeats.allow_record(record, now_s)
-            if said:
+            is_written = self._repeats.allow_record(record, now_s)
+            if is_written:
                 self.emit(record)
             elif self._timer is None:
                 self._start_timer()
-            return said
+            return is_written
         finally:
             self.release()
 
@@ -256,7 +256,7 @@ class LoopExceptionHandler:
     """
 
     def __init__(self) -> None:
-        self._said = ""
+        self._reported = ""
 
     def __call__(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """Handle an exception; asyncio calls this."""
@@ -266,6 +266,6 @@ class LoopExceptionHandler:
         is_late = isinstance(why, RuntimeError) and transport is not None and transport.is_closing()
         if not is_late and not (isinstance(why, OSError) and "future" in context):
             log.error("%s", context.get("message") or "uncaught exception", exc_info=why)
-        elif str(why) != self._said:
-            self._said = str(why)
+        elif str(why) != self._reported:
+            self._reported = str(why)
             log.warning("a connection timed out: %s", why)

@@ -240,12 +240,12 @@ class _PassedOver:
 
     def __init__(self) -> None:
         self.count = 0
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     def report(self, name: ArchivedName, why: str) -> None:
         self.count += 1
-        if name.name.robot not in self._told and len(self._told) < 1000:
-            self._told.add(name.name.robot)
+        if name.name.robot not in self._reported and len(self._reported) < 1000:
+            self._reported.add(name.name.robot)
             log.warning("the archive: skipped: %s: %.200s", name.key, why)
 
 
@@ -373,8 +373,8 @@ async def check_day(
     wrong = {at_ms for at_ms in known if at_ms not in sizes}
     for at_ms, (count, size, indexes) in sizes.items():
         digest = known.get(at_ms)
-        said = (0, 0) if digest is None else (digest.count, digest.bytes)
-        if said != (count, size) or indexes != bool(count):
+        summed = (0, 0) if digest is None else (digest.count, digest.bytes)
+        if summed != (count, size) or indexes != bool(count):
             wrong.add(at_ms)
     return sorted(wrong)
 

@@ -402,17 +402,17 @@ class SpaceWatch:
 
 
 class BackgroundTrouble:
-    """Why parts of the background work currently fail. `is_told`: whether the log already reports the store
-    as away.
+    """Why parts of the background work currently fail. `is_reported`: whether the log already reports the
+    store as away.
     """
 
-    def __init__(self, is_told: Callable[[], bool] = lambda: False) -> None:
-        self._is_told = is_told
+    def __init__(self, is_reported: Callable[[], bool] = lambda: False) -> None:
+        self._is_reported = is_reported
         self._why: dict[str, str] = {}  # by part
 
     def note_failure(self, part: str, why: str) -> None:
         """Note that a part failed. Logs it if all was well before."""
-        if not self._why and not self._is_told():
+        if not self._why and not self._is_reported():
             log.warning("the archive: %s; retrying until it works", why)
         self._why[part] = why
 

@@ -65,13 +65,6 @@ async def delete_old(
                 yield view, day_ms, gone
 
 
-# Keeps the indexes of an object store correct and deletes expired data: in the background, one task at a
-# time.
-#
-# An index is written after its ten minutes have ended, and when the process stops. After a start it checks
-# all days, newest first. An index that disagrees with the listing, for example after a crash, is rebuilt.
-
-
 LOOK_S = 1.0  # between two looks for work
 ENDED_S = 15.0  # between two looks for ten minutes that have ended
 SPACE_S = 10.0  # between two looks at the free space

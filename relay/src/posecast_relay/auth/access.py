@@ -71,7 +71,7 @@ class Access:
         self._outdated: deque[Viewer] = deque()  # those to whom the present policy has yet to be applied
         self._readmitting: asyncio.Handle | None = None
         self._followers: list[Callable[[Policy], None]] = []
-        self._told_full: set[str | None] = set()  # why there was no lane; None: there was one
+        self._reported_full: set[str | None] = set()  # why there was no lane; None: there was one
         if later is not None:
             self._delayed.set_delays(policy.find_delays_s())
         self._tell_recorder()
@@ -204,9 +204,9 @@ class Access:
     def tell_full(self, viewer: Viewer, lane: str | None) -> None:
         """Log that the relay is full and what viewers get instead. Logs each reason once."""
         why = None if lane else self._explain_no_lane(viewer)
-        if why in self._told_full:
+        if why in self._reported_full:
             return
-        self._told_full.add(why)
+        self._reported_full.add(why)
         fate = "are sent to its lane" if why is None else f"are refused, without a lane, because {why}"
         most = self.live.hub.limits.viewers
         log.warning("full with %d viewers (--max-viewers): more viewers of %r %s", most, viewer.robot, fate)

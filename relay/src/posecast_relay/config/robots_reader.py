@@ -169,9 +169,9 @@ class _Mistakes:
             lines = index_lines(text)
         except RecursionError:
             lines = {}
-        placed = [(find_line(lines, path), said) for path, said in self.found]
+        placed = [(find_line(lines, path), mistake) for path, mistake in self.found]
         placed.sort(key=lambda each: each[0] or 0)
-        return [f"{said} (at line {line})" if line else said for line, said in placed]
+        return [f"{mistake} (at line {line})" if line else mistake for line, mistake in placed]
 
 
 class _Table:

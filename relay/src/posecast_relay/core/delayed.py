@@ -108,7 +108,7 @@ class DelayedHub(Hub):
     def __init__(self, limits: Limits, headcount: Headcount | None = None) -> None:
         super().__init__(limits, headcount)
         self._rings: dict[tuple[str, str], _Ring] = {}
-        self._said = ReplicaFeed(self)
+        self._replica = ReplicaFeed(self)
 
     def set_delays(self, delays_s: Mapping[tuple[str, str], float]) -> None:
         """Set which robots and views are buffered, and their delays in seconds. All others are dropped."""
@@ -166,7 +166,7 @@ class DelayedHub(Hub):
         if moment.events:
             out += self.flush(now, unix_s)  # send first the state in which the events happened
             for event in moment.events:
-                out += self._said.take_event(robot, view, moment.numbering, event.text)
+                out += self._replica.take_event(robot, view, moment.numbering, event.text)
         ring.fed = moment
         return out
 

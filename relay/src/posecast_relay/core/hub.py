@@ -481,8 +481,8 @@ class Hub:
         occupancy = self._count_occupancy(grant)
         refusal = find_no_room(grant, occupancy)
         if refusal is not None:
-            told = self.count_refusal(refusal, now)
-            return [CloseConnection(viewer, told.close, told.reason, told.retry_s, told.lane)]
+            refused = self.count_refusal(refusal, now)
+            return [CloseConnection(viewer, refused.close, refused.reason, refused.retry_s, refused.lane)]
         viewer.set_rate(min(viewer.asked_hz, self.load.ceiling_hz))
         robot = self.robots.get(viewer.robot)
         if robot is None:  # the robot may appear later; bounded by the number of viewers
@@ -517,8 +517,8 @@ class Hub:
         except Exception as error:
             return self.end_after_fault(viewer, error)
 
-    def _answer(self, viewer: Viewer, room: Room, said: ViewerMessage, now: float) -> list[Action]:
-        match said:
+    def _answer(self, viewer: Viewer, room: Room, message: ViewerMessage, now: float) -> list[Action]:
+        match message:
             case Ack(n):
                 was_blocked = viewer.blocked
                 viewer.record_ack(n, now)
@@ -590,7 +590,7 @@ class Hub:
             return []
         reason = "overload" if self.load.ceiling_hz < before else "recovered"
         out: list[Action] = []
-        told: dict[float, list[Viewer]] = {}
+        by_rate: dict[float, list[Viewer]] = {}
         for viewer, room in tuple(self.viewers.items()):
             granted = min(viewer.asked_hz, self.load.ceiling_hz)
             if granted == viewer.hz:
@@ -600,10 +600,10 @@ class Hub:
                 if viewer.blocked:
                     out += self.remove_ended(room.send_message(viewer, messages.make_rate(granted, reason)))
                 else:
-                    told.setdefault(granted, []).append(viewer)
+                    by_rate.setdefault(granted, []).append(viewer)
             except Exception as error:
                 out += self.end_after_fault(viewer, error)
-        out += [Send(messages.make_rate(hz, reason), viewers) for hz, viewers in told.items()]
+        out += [Send(messages.make_rate(hz, reason), viewers) for hz, viewers in by_rate.items()]
         for room in set(self.viewers.values()):
             out += self.guard(room, partial(self._plan_only, room))
         return out

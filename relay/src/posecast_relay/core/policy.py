@@ -174,8 +174,8 @@ def make_link(key: str, robot: str, until_s: int, name: str) -> str:
 
     `name`: 8 letters of base64url that make the link unique.
     """
-    said = f"{LINK_KIND}.{robot}.{until_s}.{name}"
-    return f"{said}.{_sign(key, said)}"
+    signed = f"{LINK_KIND}.{robot}.{until_s}.{name}"
+    return f"{signed}.{_sign(key, signed)}"
 
 
 def is_link(token: str) -> bool:
@@ -188,16 +188,16 @@ def read_link(token: str, keys: Mapping[str, str], unix_s: float) -> Principal |
     found = LINK_FORM.fullmatch(token)
     if found is None:
         return None
-    said, robot, until_s, signature = found.groups()
+    signed, robot, until_s, signature = found.groups()
     key = keys.get(robot)
-    good = hmac.compare_digest(_sign(NO_KEY if key is None else key, said), signature)
+    good = hmac.compare_digest(_sign(NO_KEY if key is None else key, signed), signature)
     if key is None or not good or unix_s >= int(until_s):
         return None
     return Principal(Audience.LINK, robot, float(until_s), token)
 
 
-def _sign(key: str, said: str) -> str:
-    raw = hmac.digest(key.encode(), said.encode(), hashlib.sha256)
+def _sign(key: str, signed: str) -> str:
+    raw = hmac.digest(key.encode(), signed.encode(), hashlib.sha256)
     return base64.urlsafe_b64encode(raw).rstrip(b"=").decode()
 
 

@@ -104,41 +104,42 @@ class ReplicaFeed:
         """Return the source of this robot, created if it is new."""
         return self.sources.setdefault(robot, ReplicaSource())
 
-    # ---- what is told -----------------------------------------------------
+    # ---- what is sent -----------------------------------------------------
 
     def take_update(
-        self, robot: str, said: StreamUpdate, under_way_s: float | None, now: float
+        self, robot: str, update: StreamUpdate, under_way_s: float | None, now: float
     ) -> list[Action]:
         """Apply the changes of a stream. Raises ValueError if an event in it is invalid."""
         hub, source = self._hub, self.get_source(robot)
-        if said.generation < source.generation:
+        if update.generation < source.generation:
             hub.outcomes[FrameOutcome.RETIRED.value] += 1
             return self.request_state(robot, now)  # the stored state shows whether the store has lost count
-        found = hub.admit_view(robot, said.view)
+        found = hub.admit_view(robot, update.view)
         if found is None:
             hub.outcomes[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
-        if said.frames:
-            adopt_run(of, said.run_id, now)
-        source.generation = said.generation
-        late_s = said.late_s + (under_way_s or 0.0)
-        for ns, payload in said.frames:
-            stamp = Stamp(said.run_id, ns)
-            age_s = late_s + max(0, said.frames[-1][0] - ns) / 1e9  # a KEY can be older than the newest frame
+        if update.frames:
+            adopt_run(of, update.run_id, now)
+        source.generation = update.generation
+        late_s = update.late_s + (under_way_s or 0.0)
+        for ns, payload in update.frames:
+            stamp = Stamp(update.run_id, ns)
+            # a KEY can be older than the newest frame
+            age_s = late_s + max(0, update.frames[-1][0] - ns) / 1e9
             if under_way_s is not None:  # then the lateness is absolute, not relative to the smallest seen
                 of.runs.record_answer(stamp, age_s, now)
-            hub.receive_frame(robot, said.view, payload, stamp, now, age_s)
+            hub.receive_frame(robot, update.view, payload, stamp, now, age_s)
         out: list[Action] = []
-        if source.before is not None and room.stream.newest is not source.before.get(said.view):
+        if source.before is not None and room.stream.newest is not source.before.get(update.view):
             source.before = None
             of.set_degraded(False)
             room.set_degraded(False)
             room.defer_status(of.compute_status(room, now))  # sent with the frame that shows it, in one write
             out = self.set_degraded(False, now, robot)
-        for text in said.events:
-            out += self.take_event(robot, said.view, said.numbering, text)
-        if of.lacking or source.versions.get(said.view) != said.version:
+        for text in update.events:
+            out += self.take_event(robot, update.view, update.numbering, text)
+        if of.lacking or source.versions.get(update.view) != update.version:
             out += self.request_state(robot, now)
         return out
 
@@ -153,7 +154,7 @@ class ReplicaFeed:
         if generation > source.generation or generation < asked:
             source.generation = generation
 
-    def take_state(self, robot: str, view: str, said: StreamState, now: float) -> list[Action]:
+    def take_state(self, robot: str, view: str, stored: StreamState, now: float) -> list[Action]:
         """Apply the complete stored state of a stream. Raises ValueError if it can't be used."""
         hub, source = self._hub, self.get_source(robot)
         found = hub.admit_view(robot, view)
@@ -161,23 +162,23 @@ class ReplicaFeed:
             hub.outcomes[FrameOutcome.CROWDED.value] += 1
             return []
         of, room = found
-        if said.run_id != of.runs.current:
-            if said.generation != source.generation:  # no process writes this view any more
+        if stored.run_id != of.runs.current:
+            if stored.generation != source.generation:  # no process writes this view any more
                 return []
-            if not said.is_heard and room.stream.newest is not None:  # what is here is at least as new
+            if not stored.is_heard and room.stream.newest is not None:  # what is here is at least as new
                 return []
-            adopt_run(of, said.run_id, now)
-        stamp = Stamp(said.run_id, said.stamp_ns)
-        hub.take_snapshot(robot, view, said.snapshot, stamp, now, said.newest)
-        source.versions[view] = said.version
+            adopt_run(of, stored.run_id, now)
+        stamp = Stamp(stored.run_id, stored.stamp_ns)
+        hub.take_snapshot(robot, view, stored.snapshot, stamp, now, stored.newest)
+        source.versions[view] = stored.version
         source.was_fed = True
         out: list[Action] = []
-        for text in said.events:
-            out += self.take_event(robot, view, said.numbering, text)
+        for text in stored.events:
+            out += self.take_event(robot, view, stored.numbering, text)
         return out
 
     def take_presence(
-        self, robot: str, said: Presence, under_way_s: float | None, now: float
+        self, robot: str, presence: Presence, under_way_s: float | None, now: float
     ) -> list[Action]:
         """Apply the presence of a robot: its token and the ages of its frames."""
         found = self._hub.admit_robot(robot)
@@ -185,21 +186,21 @@ class ReplicaFeed:
             return []
         source, late_s = self.get_source(robot), under_way_s or 0.0
         if (
-            said.sent_s is not None and said.sent_s == source.sent_s
+            presence.sent_s is not None and presence.sent_s == source.sent_s
         ):  # received before, so its age is measured from then
             return []
-        source.sent_s = said.sent_s
+        source.sent_s = presence.sent_s
         found.record_heard(now)
         source.told_at = now - late_s
-        for view, age_s in said.ages_s.items():
+        for view, age_s in presence.ages_s.items():
             room = found.rooms.get(view)
             if room is not None and age_s is not None and under_way_s is not None:
-                _confirm_age(room.stream, said.newest.get(view), age_s + late_s, now)
-        if found.liveness.token != said.token:
-            out = self._hub.set_token(robot, said.token, now)
+                _confirm_age(room.stream, presence.newest.get(view), age_s + late_s, now)
+        if found.liveness.token != presence.token:
+            out = self._hub.set_token(robot, presence.token, now)
         else:
             out = self._hub.report_statuses(found, now)
-        if source.before is None or not self._awaits_frame(found, source, said, late_s):
+        if source.before is None or not self._awaits_frame(found, source, presence, late_s):
             source.before = None
             out += self.set_degraded(False, now, robot)
         return out
@@ -253,11 +254,11 @@ class ReplicaFeed:
                 of.set_degraded(True)
         return self.set_degraded(False, now)
 
-    def _awaits_frame(self, of: Robot, source: ReplicaSource, said: Presence, late_s: float) -> bool:
+    def _awaits_frame(self, of: Robot, source: ReplicaSource, presence: Presence, late_s: float) -> bool:
         """Whether frames are arriving, so that one newer than the frame here will come in a moment."""
         before = source.before or {}
         limit_s = self._hub.limits.silent_s
-        ages_s = [said.ages_s.get(view) for view in of.rooms]
+        ages_s = [presence.ages_s.get(view) for view in of.rooms]
         come = any(age_s is not None and age_s + late_s <= limit_s for age_s in ages_s)
         return come and all(room.stream.newest is before.get(view) for view, room in of.rooms.items())
 

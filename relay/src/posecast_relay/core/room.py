@@ -79,11 +79,11 @@ class Room:
         self.viewers: dict[Viewer, None] = {}
         self.groups: dict[float, RateGroup] = {}
         self.delivered = 0  # frames times viewers
-        self.skipped = 0  # likewise: frames due to viewers that could not take them
+        self.skipped = 0  # frames times viewers that were due but could not take them
         self.degraded = False  # this relay can't hear the robot now, through its own problem
         self.over_share = False  # the robot sends more than its share of this relay
         self._owed: RobotStatus | None = None  # the status to send with the next frame
-        self._told: set[RateGroup] = set()  # the groups that have it
+        self._sent_to: set[RateGroup] = set()  # the groups that have it
 
     # ---- coming, going, changing rate -------------------------------------
 
@@ -145,7 +145,7 @@ class Room:
         viewer.set_rate(hz)
         group = self._enter(viewer)
         if group is not None:
-            self._told.discard(group)
+            self._sent_to.discard(group)
         if group is not None and viewer.frame is not self.stream.newest:
             group.behind.add(viewer)
             group.retry_at = min(group.retry_at, now + group.pace.period_s)
@@ -167,7 +167,7 @@ class Room:
         group.behind.discard(viewer)
         if not group.viewers:
             del self.groups[viewer.hz]
-            self._told.discard(group)
+            self._sent_to.discard(group)
 
     # ---- the robot's status ----------------------------------------------
 
@@ -240,9 +240,9 @@ class Room:
         lacking: list[Viewer] = []
         behind: set[Viewer] = set()
         status = b""
-        if self._owed is not None and group not in self._told:
+        if self._owed is not None and group not in self._sent_to:
             status = self._make_status(self._owed, now)
-            self._told.add(group)
+            self._sent_to.add(group)
         failed = Viewer.share_frame(*(iter(viewers), frame, self.stream.version, now), ready, lacking, behind)
         for viewer in lacking:
             try:
@@ -336,14 +336,14 @@ class Room:
     def defer_status(self, status: RobotStatus) -> None:
         """Send the status with each group's next frame, in the same write."""
         self._owed = status
-        self._told.clear()
+        self._sent_to.clear()
 
     def send_deferred_status(self, now: float) -> list[Action]:
         """Send the deferred status alone to the viewers that have not got it with a frame."""
         status, self._owed = self._owed, None
         if status is None:
             return []
-        ready = [v for v in self.viewers if not v.blocked and self.groups.get(v.hz) not in self._told]
+        ready = [v for v in self.viewers if not v.blocked and self.groups.get(v.hz) not in self._sent_to]
         return [Send(self._make_status(status, now), ready)] if ready else []
 
     def _make_status(self, status: RobotStatus, now: float) -> bytes:

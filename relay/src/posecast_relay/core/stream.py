@@ -372,4 +372,6 @@ def _read_number(text: str) -> int:
 
 def _identify_event(event: dict[str, object]) -> str:
     """Return the event without its number and time. This text is the same at every relay that heard it."""
-    return json.dumps({name: said for name, said in event.items() if name not in ("n", "at")}, sort_keys=True)
+    return json.dumps(
+        {name: value for name, value in event.items() if name not in ("n", "at")}, sort_keys=True
+    )

@@ -156,7 +156,7 @@ FRAME_PX = 800
 FRAME_PX_MIN = 160
 ASPECT = 16 / 10
 CACHE_S = 3600
-SAID = "A robot's live state in your browser."
+DESCRIPTION = "A robot's live state in your browser."
 GENERAL = re.compile(r'\s*<meta property="og:[^>]*>')
 OWN_PICTURE = 'property="og:image" content="./'
 
@@ -246,7 +246,7 @@ class LinkPreview:
             "og:site_name": "Posecast",
             "og:type": "website",
             "og:title": title,
-            "og:description": SAID,
+            "og:description": DESCRIPTION,
             "og:image": f"{base}icon-512.png",
         }
         if shown.pictured is not None:

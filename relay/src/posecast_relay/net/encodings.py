@@ -69,7 +69,7 @@ class DecodeCache:
         return reader.frame if reader else None
 
     def make_text(self, stream: Stream) -> str | None:
-        """Return the newest frame as a `frame` message of `format=json`; None likewise."""
+        """Return the newest frame as a `frame` message of `format=json`; None as in `decode_frame`."""
         reader = self._read(stream)
         if reader is None or reader.frame is None:
             return None
@@ -102,11 +102,6 @@ def _message(frame: Frame) -> DecodedFrame:
     values = {field.name: list_field_values(frame, field) for field in frame.schema.fields}
     return {"type": "frame", "seq": frame.seq, "t": round(frame.t_s, 6), "values": values}
 
-
-# Converts the core's WebSocket messages to other formats: JSON and server-sent events.
-#
-# The same bytes go to many viewers in a row, so the last result is cached: conversion happens once per frame
-# and rate, not once per viewer.
 
 TEXT, BINARY = 1, 2  # WebSocket opcodes
 LINE_END = re.compile(r"\r\n|\r|\n")

@@ -312,9 +312,9 @@ class _Http(HttpConnection):
             self.refuse(refusal.status, refusal.reason)
             return
         dispatcher = self.access.live
-        told = dispatcher.hub.count_refusal(refusal, dispatcher.now())
+        refused = dispatcher.hub.count_refusal(refusal, dispatcher.now())
         dispatcher.handshakes["told to go"] += 1
-        bye = _make_bye(told.close, told.reason, told.retry_s, told.lane)
+        bye = _make_bye(refused.close, refused.reason, refused.retry_s, refused.lane)
         self.transport.write(_make_head(pages) + bye)
         self.transport.close()
 

@@ -270,9 +270,9 @@ class LiveSocket(asyncio.Protocol):
     @isolated
     def _refuse_entry(self, refusal: Refusal) -> None:
         self._cancel_token_wait()
-        told = self.dispatcher.hub.count_refusal(refusal, self.dispatcher.now())
+        refused = self.dispatcher.hub.count_refusal(refusal, self.dispatcher.now())
         self.dispatcher.handshakes["told to go"] += 1
-        self.end(told.close, told.reason, told.retry_s, told.lane)
+        self.end(refused.close, refused.reason, refused.retry_s, refused.lane)
 
     def _enter(self, asked: StreamRequest, applicant: Applicant) -> None:
         self._cancel_token_wait()
@@ -324,14 +324,14 @@ class LiveSocket(asyncio.Protocol):
             dispatcher.carry_out(dispatcher.hub.take_message(self._viewer, text, dispatcher.now()))
         elif self._asked is not None:
             try:
-                said = parse_viewer_message(text)
+                message = parse_viewer_message(text)
             except MessageError as e:
                 self._cancel_token_wait()
                 self.dispatcher.hub.count_ending(e.close)
                 self.end(e.close, str(e), None)
                 return
-            if isinstance(said, Auth):
-                self._verify_token(said.token)
+            if isinstance(message, Auth):
+                self._verify_token(message.token)
 
     def _refuse(self, close: Close, reason: str) -> None:
         if self._viewer is not None:

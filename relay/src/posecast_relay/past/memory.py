@@ -90,7 +90,7 @@ class MemoryPast:
         self.bytes = 0  # in use now
         self.added = 0  # segments, since the process started
         self.crowded_out = 0  # segments dropped early to free memory
-        self.crowded = Counter[str]()  # the same, by robot
+        self.crowded = Counter[str]()  # segments dropped early, by robot
         self._shelves: dict[str, _Shelf] = {}  # by robot
         self._named: dict[SegmentName, KeptSegment] = {}
         self._listeners: dict[Listener, None] = {}

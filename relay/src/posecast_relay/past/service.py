@@ -1,4 +1,8 @@
-"""Makes pages of KEYs (SPEC §11) from kept segments, one at a time, off the event loop."""
+"""What the routes of the past need from a process: what a caller may see of recent and older data.
+
+Months are searched by day, a day by minute, and only ten minutes by segment. All follow the same rules: who
+could see it live, how far back they may look, and what was withdrawn.
+"""
 
 from __future__ import annotations
 
@@ -119,7 +123,7 @@ def _size(pose: KeyPose) -> int:
 
 HELD_MAX = 1000  # at once, 31 kB each (65 kB with long headers); any more are answered at once
 WOKEN_PER_TURN = 8  # each takes a quarter of a millisecond; live data goes out in between
-TOLD_EVERY_S = 60.0  # how often to log that the limit is reached
+REPORTED_EVERY_S = 60.0  # how often to log that the limit is reached
 
 
 class HeldRequests:
@@ -128,7 +132,7 @@ class HeldRequests:
     def __init__(self, most: int = HELD_MAX, now: Callable[[], float] = time.monotonic) -> None:
         self._most = most
         self._now = now
-        self._told_s: float | None = None  # when the log last reported the limit
+        self._reported_s: float | None = None  # when the log last reported the limit
         self._waiting: dict[tuple[str, str], set[asyncio.Future[None]]] = {}
         self._woken: dict[asyncio.Future[None], None] = {}  # to be answered, in this order
         self._released = False
@@ -185,8 +189,8 @@ class HeldRequests:
         """Count a request over the limit, and log it from time to time."""
         self.turned_away += 1
         now_s = self._now()
-        if self._told_s is None or now_s - self._told_s >= TOLD_EVERY_S:
-            self._told_s = now_s
+        if self._reported_s is None or now_s - self._reported_s >= REPORTED_EVERY_S:
+            self._reported_s = now_s
             log.warning(
                 "the past: %d requests wait for the next segment, the limit: %d answered at once so far",
                 self._most,
@@ -211,11 +215,6 @@ class HeldRequests:
         self._released = True
         self.wake_all()
 
-
-# What the routes of the past need from a process: what a caller may see of recent and older data.
-#
-# Months are searched by day, a day by minute, and only ten minutes by segment. All follow the same rules:
-# who could see it live, how far back they may look, and what was withdrawn.
 
 Found = KeptSegment | SegmentName | NotYet | None
 

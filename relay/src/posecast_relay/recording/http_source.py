@@ -148,8 +148,8 @@ def read_reason(answer: RelayAnswer) -> str:
         doc = loads(answer.body)
     except ValueError:
         doc = None
-    said = doc.get("error") if isinstance(doc, dict) else None
-    return make_visible(said) if isinstance(said, str) and said else f"status {answer.status}"
+    reason = doc.get("error") if isinstance(doc, dict) else None
+    return make_visible(reason) if isinstance(reason, str) and reason else f"status {answer.status}"
 
 
 def find_cause(error: BaseException) -> BaseException:

@@ -184,7 +184,7 @@ def _find_foreign(path: Path) -> str | None:
 
 
 def _find_foreign_entry(folder: Path) -> str | None:
-    """The same of a folder, by what lies in it."""
+    """Why a folder is not, or not only, what this command writes, by what lies in it; None when it is."""
     with os.scandir(folder) as found:
         entries = sorted(found, key=lambda entry: entry.name)
     if RECORDING_FILE not in (entry.name for entry in entries):

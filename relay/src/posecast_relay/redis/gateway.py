@@ -67,7 +67,7 @@ class RedisGateway:
         self.losses = 0  # how often Redis was lost
         self._now = now
         self._pinned = pinned
-        self._said = ReplicaFeed(hub)
+        self._replica = ReplicaFeed(hub)
         self._subscriber = RedisSubscriber(
             self.link, self._take_message, self._record_loss, self._handle_fault
         )
@@ -105,7 +105,7 @@ class RedisGateway:
     async def start(self, dispatcher: Dispatcher) -> None:
         """Start to feed the dispatcher's hub. Redis need not be running yet."""
         self._dispatcher = dispatcher
-        dispatcher.carry_out(self._said.mark_disconnected(self._now()))
+        dispatcher.carry_out(self._replica.mark_disconnected(self._now()))
         self._task = asyncio.create_task(self._work(), name="redis gateway")
 
     async def stop(self) -> None:
@@ -146,7 +146,7 @@ class RedisGateway:
             raise self._failure
         self._reader = asyncio.create_task(self._read_on(), name="redis reader")
         self._trouble = None
-        self._dispatcher.carry_out(self._said.mark_connected(self._now()))
+        self._dispatcher.carry_out(self._replica.mark_connected(self._now()))
 
     async def _handle_failure(self, error: BaseException) -> None:
         if why := self.link.note_failure(error):
@@ -155,7 +155,7 @@ class RedisGateway:
         self.losses += self._trouble is None
         self._failure = None
         self._trouble = name_error(error)  # /readyz is public: no addresses
-        self._dispatcher.carry_out(self._said.mark_disconnected(self._now()))
+        self._dispatcher.carry_out(self._replica.mark_disconnected(self._now()))
         await cancel_tasks(self._reader)
         subscriber, self._subscriber = (
             self._subscriber,
@@ -201,7 +201,7 @@ class RedisGateway:
             watched.wanted_at = now
         elif now - watched.wanted_at > GRACE_S and watched.opened.is_set():
             del self._watched[robot]
-            self._said.forget_robot(robot)
+            self._replica.forget_robot(robot)
             await self._subscriber.unsubscribe(robot)
             return
         if not self._subscriber.is_subscribed(robot):
@@ -210,7 +210,7 @@ class RedisGateway:
 
     def _check_silence(self, robot: str, now: float) -> None:
         """Find out why a robot is silent: it has left, its relay is gone, or this connection is dead."""
-        source = self._said.get_source(robot)
+        source = self._replica.get_source(robot)
         if source.told_at is None or now - source.told_at <= UNHEARD_S:
             return
         if self.directory.ages_s.get(robot, FRESH_S) < FRESH_S / 2:
@@ -218,16 +218,16 @@ class RedisGateway:
             self._plan_subscription(robot)  # which fails, and all is begun anew, if the connection is dead
         elif self.directory.ingests:  # a relay is there and does not know this robot
             source.record_presence(None)
-            self._dispatcher.carry_out(self._said.clear_token(robot, now))
+            self._dispatcher.carry_out(self._replica.clear_token(robot, now))
         else:
-            self._dispatcher.carry_out(self._said.set_degraded(True, now, robot))
+            self._dispatcher.carry_out(self._replica.set_degraded(True, now, robot))
 
     def _handle_fault(self, robot: str | None, error: Exception) -> None:
         """Report an exception. If it concerns a robot, read that robot's state again."""
         self._dispatcher.hub.outcomes[FrameOutcome.FAULT.value] += 1
         self._dispatcher.carry_out([Fault(f"redis: {robot}" if robot else "redis", error)])
         if robot is not None:
-            self._dispatcher.carry_out(self._said.request_state(robot, self._now()))
+            self._dispatcher.carry_out(self._replica.request_state(robot, self._now()))
 
     # ---- robots wanted ------------------------------------------------------
 
@@ -292,7 +292,7 @@ class RedisGateway:
     async def _read(self, *robots: str) -> None:
         """Read the robots' states and status from Redis, in one exchange."""
         asked = [
-            (robot, self._list_views(robot), self._said.get_source(robot).generation) for robot in robots
+            (robot, self._list_views(robot), self._replica.get_source(robot).generation) for robot in robots
         ]
         if not asked:
             return
@@ -322,11 +322,11 @@ class RedisGateway:
                 self._record_bad(robot, e)
         if found:
             newest = max(state.generation for state in found.values())
-            self._said.set_generation(robot, newest, asked_generation)
+            self._replica.set_generation(robot, newest, asked_generation)
         now, out = self._now(), []
         for view, state in found.items():
             try:
-                out += self._said.take_state(robot, view, state, now)
+                out += self._replica.take_state(robot, view, state, now)
             except ValueError as e:
                 self._record_bad(robot, e)
         return out
@@ -346,13 +346,13 @@ class RedisGateway:
     def _read_message(self, robot: str, data: bytes, was_read: bool = False) -> list[Action]:
         now = self._now()
         try:
-            said = unpack(data)
-            under_way_s = self.directory.clock.compute_elapsed(said.sent_s, now)
+            message = unpack(data)
+            under_way_s = self.directory.clock.compute_elapsed(message.sent_s, now)
             if was_read and under_way_s is None:  # it may be arbitrarily old
                 return []
-            if isinstance(said, Presence):
-                return self._said.take_presence(robot, said, under_way_s, now)
-            return self._said.take_update(robot, said, under_way_s, now)
+            if isinstance(message, Presence):
+                return self._replica.take_presence(robot, message, under_way_s, now)
+            return self._replica.take_update(robot, message, under_way_s, now)
         except ValueError as e:
             self._record_bad(robot, e)
             return []

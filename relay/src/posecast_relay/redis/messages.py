@@ -38,29 +38,31 @@ HEX = re.compile("[0-9a-f]{1,16}")
 SHA256 = re.compile("[0-9a-f]{64}")
 
 
-def pack(said: StreamUpdate | Presence) -> bytes:
+def pack(message: StreamUpdate | Presence) -> bytes:
     """Encode a message for a robot's channel: a line of JSON, followed by the frames of an update."""
-    if isinstance(said, Presence):
+    if isinstance(message, Presence):
         return STANDING + dump(
             {
-                "token": said.token,
-                "ages": {view: None if age is None else round(age, 3) for view, age in said.ages_s.items()},
-                "newest": {view: [f"{run_id:016x}", seq] for view, (run_id, seq) in said.newest.items()},
-                "sent": _rounded(said.sent_s),
+                "token": message.token,
+                "ages": {
+                    view: None if age is None else round(age, 3) for view, age in message.ages_s.items()
+                },
+                "newest": {view: [f"{run_id:016x}", seq] for view, (run_id, seq) in message.newest.items()},
+                "sent": _rounded(message.sent_s),
             }
         )
     head = {
-        "view": said.view,
-        "generation": said.generation,
-        "run": f"{said.run_id:016x}",
-        "version": said.version,
-        "numbering": said.numbering,
-        "late": round(said.late_s, 4),
-        "frames": [(ns, len(frame)) for ns, frame in said.frames],
-        "events": said.events,
-        "sent": _rounded(said.sent_s),
+        "view": message.view,
+        "generation": message.generation,
+        "run": f"{message.run_id:016x}",
+        "version": message.version,
+        "numbering": message.numbering,
+        "late": round(message.late_s, 4),
+        "frames": [(ns, len(frame)) for ns, frame in message.frames],
+        "events": message.events,
+        "sent": _rounded(message.sent_s),
     }
-    return UPDATE + dump(head) + HEADER_END + b"".join(frame for _, frame in said.frames)
+    return UPDATE + dump(head) + HEADER_END + b"".join(frame for _, frame in message.frames)
 
 
 def unpack(data: bytes) -> StreamUpdate | Presence:

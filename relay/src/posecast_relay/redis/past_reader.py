@@ -60,10 +60,10 @@ class RedisPast(RecentOnly):
         self._bytes_max = bytes_max
         self._now = now
         self._views: OrderedDict[tuple[str, str], PastReplica] = OrderedDict()  # most recently requested last
-        self._data: OrderedDict[SegmentName, bytes] = OrderedDict()  # likewise
+        self._data: OrderedDict[SegmentName, bytes] = OrderedDict()  # most recently requested last
         self._data_bytes = 0
         self._schemas: OrderedDict[tuple[str, bytes], str] = OrderedDict()  # by robot
-        self._told: set[str] = set()  # robots that had something skipped
+        self._reported: set[str] = set()  # robots that had something skipped
         self._asked = SharedTasks("the past")
         self._turns = asyncio.Semaphore(AT_ONCE)
         self._list_waiting: ListWaiting = tuple
@@ -331,8 +331,8 @@ class RedisPast(RecentOnly):
 
     def _pass_over(self, robot: str, why: str) -> None:
         self.passed_over += 1
-        if robot not in self._told:
-            self._told.add(robot)
+        if robot not in self._reported:
+            self._reported.add(robot)
             log.warning("the past in redis: %s: skipped: %.200s", robot, why)
 
     def _keep_data(self, name: SegmentName, data: bytes) -> None:

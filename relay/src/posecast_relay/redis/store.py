@@ -84,26 +84,26 @@ def make_presence_call(
 
     `written`: the views whose states should be in Redis.
     """
-    said = pack(make_presence(robot, now, sent_s))
+    packed = pack(make_presence(robot, now, sent_s))
     name = robot.name
     names = [status_key(name), channel(name), writer_key(name), generation_key(name)]
-    return STATUS, [*names, *(state_key(name, view) for view in written)], [generation, said]
+    return STATUS, [*names, *(state_key(name, view) for view in written)], [generation, packed]
 
 
-def gives_way(told: object, has_token: bool) -> bool:
+def gives_way(stored: object, has_token: bool) -> bool:
     """Whether this presence comes from a relay that should give the robot to another one.
 
     It has heard no frame for long, or does not see the robot's agent while the other one does (`has_token`).
     """
     try:
-        said = unpack(told) if isinstance(told, bytes) else None
+        presence = unpack(stored) if isinstance(stored, bytes) else None
     except ValueError:
         return False
-    if not isinstance(said, Presence):
+    if not isinstance(presence, Presence):
         return False
-    if has_token and not said.token:
+    if has_token and not presence.token:
         return True
-    return all(age_s is None or age_s > RETURN_AFTER_S for age_s in said.ages_s.values())
+    return all(age_s is None or age_s > RETURN_AFTER_S for age_s in presence.ages_s.values())
 
 
 T = TypeVar("T")
@@ -144,7 +144,7 @@ class RedisStore:
         self._superseded: dict[str, float] = {}  # robots that another process writes; when it last did
         self._look_at = 0.0  # whether it still does
         self._resumed: set[Stream] = set()
-        self._told_n: dict[Stream, int] = {}  # its newest event that reached Redis
+        self._sent_n: dict[Stream, int] = {}  # its newest event that reached Redis
         self._counts = count(1)
         self._wake = asyncio.Event()
         self._beat_at = 0.0
@@ -280,7 +280,7 @@ class RedisStore:
 
     def _record_result(self, stream: Stream, result: object) -> None:
         if result == STORED:
-            self._told_n[stream] = self._written[stream].event_n
+            self._sent_n[stream] = self._written[stream].event_n
             return
         self._written.pop(stream, None)
         if isinstance(result, Exception):
@@ -345,7 +345,7 @@ class RedisStore:
         if not texts or not numbering:
             return
         try:
-            stream.resume_events(numbering.decode(), unpack_events(texts), self._told_n.get(stream, 0))
+            stream.resume_events(numbering.decode(), unpack_events(texts), self._sent_n.get(stream, 0))
         except ValueError as e:
             log.warning("events of %s/%s in redis: %.200s", stream.robot, stream.view, e)
 
@@ -375,13 +375,13 @@ class RedisStore:
             lease_ms, told = next(answers), next(answers)
             self._run_guarded(robot, partial(self._renew_lease, robot, 0 < lease_ms <= LEASE_MS, told))
 
-    def _renew_lease(self, robot: str, is_written: bool, told: object) -> None:
+    def _renew_lease(self, robot: str, is_written: bool, stored: object) -> None:
         of, now = self._hub.robots.get(robot), self._now()
         if of is None:
             return
         if is_written:
             self._superseded[robot] = now
-        if is_written and not gives_way(told, of.liveness.token):
+        if is_written and not gives_way(stored, of.liveness.token):
             return
         if (
             self._hears_frames(of) or now - self._superseded[robot] > SETTLE_S
@@ -402,9 +402,9 @@ class RedisStore:
         heard = [robot for robot in self._hub.robots.values() if robot.heard_at is not None]
         mine = await self._tell(heard)
         known = {robot.name for robot in heard}
-        for stream in {s for s in (*self._resumed, *self._told_n) if s.robot not in known}:  # by the core
+        for stream in {s for s in (*self._resumed, *self._sent_n) if s.robot not in known}:  # by the core
             self._written.pop(stream, None)
-            self._told_n.pop(stream, None)
+            self._sent_n.pop(stream, None)
             self._resumed.discard(stream)
             self._turns.pop(stream.robot, None)
         for name in self._tokens.keys() - known:

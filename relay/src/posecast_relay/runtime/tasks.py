@@ -44,7 +44,8 @@ def isolated(callback: Callable[Concatenate[B, P], R]) -> Callable[Concatenate[B
 def isolated_task(
     work: Callable[Concatenate[B, P], Coroutine[Any, Any, R]],
 ) -> Callable[Concatenate[B, P], Coroutine[Any, Any, R | None]]:
-    """Wrap a connection's coroutine likewise; otherwise its task's errors would go unnoticed."""
+    """Wrap a connection's coroutine, so that an exception ends the connection. Otherwise nobody would notice
+    the task's errors."""
 
     @wraps(work)
     async def call(self: B, /, *args: P.args, **kwargs: P.kwargs) -> R | None:

@@ -51,16 +51,16 @@ async def wait_for_robots(settings: Settings) -> Robots | None:
     If the process exited instead, it would be restarted again and again. Until the file is valid, nobody can
     publish or watch.
     """
-    said = ""
+    reported = ""
     while True:
         try:
             robots = load_robots(settings)
         except (RobotsError, CertificateError) as e:
-            if str(e) != said:
+            if str(e) != reported:
                 log.error("%s; nobody can publish or watch until this is fixed", e)
-            said = str(e)
+            reported = str(e)
         else:
-            if said:
+            if reported:
                 log.warning("the configuration is valid: starting")
             return robots
         await asyncio.sleep(LOOK_S)

@@ -259,14 +259,14 @@ class PastServices:
             await self._follow(access, now)
 
     async def _follow(self, access: Access, now: Callable[[], float]) -> None:
-        said = PastLog()
+        log_lines = PastLog()
         access.on_policy(lambda policy: self.forget(policy, now()))
-        access.on_policy(said.follow)
+        access.on_policy(log_lines.follow)
         while True:
             await asyncio.sleep(FORGET_EVERY_S)
             self.forget(access.policy, now())
             if self.kept is not None:
-                said.report_crowding(self.kept, now())
+                log_lines.report_crowding(self.kept, now())
 
     def forget(self, policy: Policy, now: float) -> None:
         """Drop what can't be requested any more under this policy."""

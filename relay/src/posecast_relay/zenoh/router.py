@@ -216,11 +216,11 @@ def open_router(
 
 def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
     """Make an error from Zenoh's message, without its source location."""
-    said = str(error).splitlines()[0].partition(" at /")[0]
-    if "in use" in said:
+    reason = str(error).splitlines()[0].partition(" at /")[0]
+    if "in use" in reason:
         taken = OSError(errno.EADDRINUSE, "address already in use")
-        said = explain_taken(taken, int(endpoints[0].rpartition(":")[2]))
-    return ListenError(f"zenoh listener {', '.join(endpoints)}: {said}")
+        reason = explain_taken(taken, int(endpoints[0].rpartition(":")[2]))
+    return ListenError(f"zenoh listener {', '.join(endpoints)}: {reason}")
 
 
 def _no_file(error: OSError) -> ListenError:
@@ -528,7 +528,7 @@ def _skip(der: bytes, at: int) -> int:
 SAY_S = 10.0  # between two lines: clients may retry fast
 LOG = "off,zenoh_transport::unicast::establishment::accept=debug,zenoh_link_tls::unicast=debug"
 OF_ZENOH = re.compile("zenoh_transport|zenoh_link_tls")
-SAID = re.compile(
+REFUSAL_LINE = re.compile(
     r"establishment::accept.*UsrPwd extension.*(Invalid user|Invalid password|Expected extension)"
     r"|link_tls::unicast.*(peer sent no certificates|invalid peer certificate)"
 )
@@ -558,10 +558,10 @@ class AuthFailures:
         self._may_publish = may_publish
         self._said_at = float("-inf")
         self._stdout = os.dup(1)
-        listen, said = os.pipe()
+        listen, stdout_end = os.pipe()
         sys.stdout.flush()
-        os.dup2(said, 1)
-        os.close(said)
+        os.dup2(stdout_end, 1)
+        os.close(stdout_end)
         sys.stdout = os.fdopen(os.dup(self._stdout), "w", buffering=1)
         zenoh.init_log_from_env_or(LOG)
         threading.Thread(target=self._read, args=(listen,), daemon=True, name="refusals").start()
@@ -572,8 +572,8 @@ class AuthFailures:
                 line = raw.decode("utf-8", "replace")
                 if OF_ZENOH.search(line) is None:  # not from Zenoh
                     os.write(self._stdout, raw)
-                elif (said := SAID.search(line)) is not None:
-                    self.record_refusal(MEANINGS[said[1] or said[2]], time.monotonic())
+                elif (refusal := REFUSAL_LINE.search(line)) is not None:
+                    self.record_refusal(MEANINGS[refusal[1] or refusal[2]], time.monotonic())
                 elif self._may_publish is not None:
                     named = NAMED.search(line)
                     if named is not None and not self._may_publish(named[1]):

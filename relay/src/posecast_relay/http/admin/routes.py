@@ -140,7 +140,7 @@ def make_report(access: Access, sources: AdminSources, trouble: str | None) -> d
     past, archive = sources.past, sources.archive
     # a gateway hears only robots that are watched there; it knows the others from the store
     listed = access.live.store.list_robots()
-    told = {doc["robot"]: str(doc["status"]) for doc in listed or ()}
+    statuses = {doc["robot"]: str(doc["status"]) for doc in listed or ()}
     return {
         "relay": {
             "trouble": trouble,
@@ -150,7 +150,7 @@ def make_report(access: Access, sources: AdminSources, trouble: str | None) -> d
             "refused_publishers": sources.count_refused(),
         },
         "robots": [
-            _make_row(access, name, entry, told.get(name))
+            _make_row(access, name, entry, statuses.get(name))
             | (_compare_views(access, name, entry) if listed is None else {})
             for name, entry in sorted(robots.items())
         ],
