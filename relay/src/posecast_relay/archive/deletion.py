@@ -246,10 +246,10 @@ async def sweep_unnamed(store: ObjectStore, robot: str, list_in_use: ListInUse, 
     `list_in_use` returns what pending segments name: a schema is stored before its segments.
     """
     there = NamedHashes(await _list_schemas(store, robot), await _list_models(store, robot))
-    if _subtract(there, await _list_named(store, robot, unix_ms, is_sure=False), list_in_use(robot)) == (
-        *(frozenset(), frozenset()),
-    ):
-        return NamedHashes(frozenset(), frozenset())
+    nothing = NamedHashes(frozenset(), frozenset())
+    summed = await _list_named(store, robot, unix_ms, is_sure=False)
+    if _subtract(there, summed, list_in_use(robot)) == nothing:
+        return nothing
     # summaries can be older than the segments, so read the segments before deleting
     named = await _list_named(store, robot, unix_ms, is_sure=True)
     gone = _subtract(there, named, list_in_use(robot))

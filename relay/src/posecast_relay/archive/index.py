@@ -43,6 +43,7 @@ from posecast_relay.past.segment import (
     KeptSegment,
     PastEvent,
     PastWord,
+    SegmentName,
     dump_json,
     is_event,
     make_record,
@@ -161,10 +162,9 @@ def make_segment_record(name: ArchivedName, data: bytes) -> KeptSegment:
     """
     segment = decode_segment(data)
     start = segment.start
-    if (start.robot, start.view, start.take, start.index) != (
-        *(name.name.robot, name.name.view),
-        *(name.name.take, name.name.index),
-    ) or (start.from_ms, segment.to_ms, len(data)) != (name.from_ms, name.to_ms, name.size):
+    if SegmentName(start.robot, start.view, start.take, start.index) != name.name or (
+        (start.from_ms, segment.to_ms, len(data)) != (name.from_ms, name.to_ms, name.size)
+    ):
         raise SegmentError("stored under the name of another segment")
     events = [each for each in segment.records if isinstance(each, EventRecord) and is_event(each.text)]
     words = [each for each in segment.records if isinstance(each, WordRecord)]

@@ -96,8 +96,12 @@ class ArchiveReader:
         """Drop all cached data of a robot, because part of it was deleted."""
         self._forgotten += 1
         for cache in (
-            *(self._pages, self._unindexed, self._days),
-            *(self._reaches, self._lists, self._schemas),
+            self._pages,
+            self._unindexed,
+            self._days,
+            self._reaches,
+            self._lists,
+            self._schemas,
         ):
             cache.forget(lambda key: isinstance(key, tuple) and key[0] == robot)
         self._data.forget(lambda key: isinstance(key, SegmentName) and key.robot == robot)

@@ -128,7 +128,13 @@ class Policy:
         rules = self.find_rules(robot)
         found = [
             Grant(
-                *(robot, rule.view, rule.hz, rule.delay_s, rule.viewers, audience, who),
+                robot=robot,
+                view=rule.view,
+                hz=rule.hz,
+                delay_s=rule.delay_s,
+                viewers=rule.viewers,
+                by=audience,
+                who=who,
                 past_s=rule.compute_past_s(audience),
             )
             for audience in dict.fromkeys((who.audience, Audience.ANYONE))
@@ -425,7 +431,10 @@ FOREIGN = Refusal(
     Close.FORBIDDEN, HTTPStatus.FORBIDDEN, "pages of this origin may not use it", None, at_door=True
 )
 CROWDED = Refusal(
-    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "too many streams from this address", FULL_RETRY_S),
+    Close.FULL,
+    HTTPStatus.SERVICE_UNAVAILABLE,
+    "too many streams from this address",
+    FULL_RETRY_S,
     at_door=True,
 )
 # Refusals because of a token or the policy, by close code.
@@ -451,10 +460,16 @@ REFUSALS = {
 # Refusals because of the viewers that are already here.
 DRAINING = Refusal(Close.DRAIN, HTTPStatus.SERVICE_UNAVAILABLE, GOING, DRAIN_RETRY_S)
 FULL = Refusal(
-    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "the relay has no room for more viewers", FULL_RETRY_S)
+    Close.FULL,
+    HTTPStatus.SERVICE_UNAVAILABLE,
+    "the relay has no room for more viewers",
+    FULL_RETRY_S,
 )
 ROBOT_FULL = Refusal(
-    *(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, "this robot has no room for more viewers", FULL_RETRY_S)
+    Close.FULL,
+    HTTPStatus.SERVICE_UNAVAILABLE,
+    "this robot has no room for more viewers",
+    FULL_RETRY_S,
 )
 
 

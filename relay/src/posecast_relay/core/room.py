@@ -96,9 +96,14 @@ class Room:
         self.viewers[viewer] = None
         parts = [
             messages.make_hello(
-                *(unix_s, stream.robot, stream.view, viewer.hz, stream.model, self.limits),
-                viewer.max_hz,
-                viewer.grant.delay_s if viewer.grant else 0.0,
+                unix_s,
+                robot=stream.robot,
+                view=stream.view,
+                hz=viewer.hz,
+                model=stream.model,
+                limits=self.limits,
+                max_hz=viewer.max_hz,
+                delay_s=viewer.grant.delay_s if viewer.grant else 0.0,
             ),
             self._make_status(status, now),
         ]
@@ -243,7 +248,9 @@ class Room:
         if self._owed is not None and group not in self._sent_to:
             status = self._make_status(self._owed, now)
             self._sent_to.add(group)
-        failed = Viewer.share_frame(*(iter(viewers), frame, self.stream.version, now), ready, lacking, behind)
+        failed = Viewer.share_frame(
+            iter(viewers), frame, self.stream.version, now, ready=ready, lacking=lacking, behind=behind
+        )
         for viewer in lacking:
             try:
                 out.append(Send(status + self._collect_lacking(viewer, frame), (viewer,)))

@@ -109,7 +109,10 @@ def read_target(target: str, suffix: str = "") -> StreamRequest:
         raise BadRequest("format must be binary or json")
     refuse_tokens(asked)
     return StreamRequest(
-        *(found[1], asked.get("view", [None])[0], clamp_hz(hz), form == "json"),
+        robot=found[1],
+        view=asked.get("view", [None])[0],
+        hz=clamp_hz(hz),
+        decoded=form == "json",
         auth=asked.get("auth") == ["1"],
     )
 

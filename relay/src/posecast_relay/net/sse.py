@@ -105,7 +105,14 @@ class EventStream(asyncio.Protocol):
         limits = dispatcher.hub.limits
         lives_s = limits.max_age_s * random.uniform(0.9, 1.1)
         self._viewer = Viewer(
-            *(self, asked.robot, grant.view, asked.hz, limits, dispatcher.now(), lives_s, asked.decoded),
+            self,
+            robot=asked.robot,
+            view=grant.view,
+            hz=asked.hz,
+            limits=limits,
+            now=dispatcher.now(),
+            lives_s=lives_s,
+            decoded=asked.decoded,
             speaks=False,
             grant=grant,
             asked_view=asked.view,

@@ -285,7 +285,14 @@ class LiveSocket(asyncio.Protocol):
         outlet = JsonOutlet(self, partial(self.write_as, self.json_form)) if asked.decoded else self
         limits, now = dispatcher.hub.limits, dispatcher.now()
         self._viewer = Viewer(
-            *(outlet, asked.robot, grant.view, asked.hz, limits, now, lives_s, asked.decoded),
+            outlet,
+            robot=asked.robot,
+            view=grant.view,
+            hz=asked.hz,
+            limits=limits,
+            now=now,
+            lives_s=lives_s,
+            decoded=asked.decoded,
             grant=grant,
             asked_view=asked.view,
             expires_at=self.access.compute_expiry(grant),

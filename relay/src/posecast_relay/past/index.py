@@ -378,6 +378,9 @@ def list_shown(day: DayIndex) -> ShownDay:
             first, last = min(known.first_index, take.first_index), max(known.last_index, take.last_index)
             takes[take.take] = TakeSpan(take.take, first, last)
     return ShownDay(
-        *(day.day_ms, tuple(spans.values()), takes),
-        *(frozenset(day.find_schemas()), frozenset(day.find_models())),
+        day_ms=day.day_ms,
+        spans=tuple(spans.values()),
+        takes=takes,
+        schemas=frozenset(day.find_schemas()),
+        models=frozenset(day.find_models()),
     )

@@ -56,7 +56,9 @@ class ArchiveUpkeep:
         self._expired: set[str] = set()  # robots with expired data since the last sweep
         self._tasks: list[asyncio.Task[None]] = []
         self._follower = TombstoneFollower(
-            *(store, deletions, self._compute_unix_ms),
+            store,
+            deletions,
+            self._compute_unix_ms,
             erases=writer is not None,
             sweep=self.sweep,
             mend=mend,

@@ -231,7 +231,10 @@ class PastServices:
     def make_service(self, dispatcher: Dispatcher) -> PastService:
         """Make what the routes of the past need."""
         return PastService(
-            *(self.source, dispatcher.now, dispatcher.unix_s, self.deletions),
+            self.source,
+            dispatcher.now,
+            dispatcher.unix_s,
+            self.deletions,
             has_models=self.archive is not None,
         )
 
