@@ -143,6 +143,7 @@ export default defineConfig({
     license: { fileName: 'licenses.json' }, // of the bundled packages, including their texts: they require that
     modulePreload: { polyfill: false }, // a browser without it fetches a little later
     rolldownOptions: {
+      checks: { pluginTimings: false }, // how long plugins took is nothing to act on
       input: { index: 'index.html', early: 'src/early.ts' },
       output: { codeSplitting: { groups: CHUNKS } },
     },

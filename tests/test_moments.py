@@ -28,7 +28,7 @@ from tools.site.moments.moments import DRONE, MOMENTS
 from tools.site.moments.simulated_relay import RecordingFailed, record_samples
 
 RECORDINGS_BYTES_MAX = 1_000_000
-PLAYER_BYTES_MAX = 2_000_000
+PLAYER_BYTES_MAX = 2_150_000  # a quarter of it is three.js, all of it
 POSTER_BYTES_MAX = 20_000
 PLACE = '<div class="moment" data-moment="{}"></div>'
 ADDRESS = re.compile(r'\b(?:href|src|content)="([^"]*)"')

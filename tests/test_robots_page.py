@@ -14,20 +14,17 @@ from pathlib import Path
 import pytest
 from posecast_command.completion import make_whole_parser
 from posecast_edge.pipeline.stream import Stream
-from posecast_edge.profile.field_defaults import UNITS, WELL_KNOWN
-from posecast_edge.profile.reader import SHIPPED, parse_profile
-from posecast_edge.profile.ros import ROLES
+from posecast_edge.profile.defaults import UNITS, WELL_KNOWN
+from posecast_edge.profile.reader import ROLES, SHIPPED, parse_profile
 from posecast_edge.profile.schema import infer_profile, make_schema_text
 from posecast_edge.robot import Robot
 from posecast_edge.sources.hubo.state import LAYOUTS
 from posecast_edge.sources.jsonl import MAX_LINE, parse_line
-from posecast_edge.sources.published.problems import PROBLEMS_MAX
-from posecast_edge.sources.published.slot import KEPT_MAX
-from posecast_edge.sources.published.slot import STATE_S as STATE_HELD_S
-from posecast_edge.sources.published.slot import STREAM_S as STREAM_HELD_S
+from posecast_edge.sources.merge import STATE_S, STREAM_S
+from posecast_edge.sources.published.checks import PROBLEMS_MAX
+from posecast_edge.sources.published.readings import KEPT_MAX
 from posecast_edge.sources.published.source import SETTLE_S
 from posecast_edge.sources.registry import KINDS
-from posecast_edge.sources.ros.merge import STATE_S, STREAM_S
 from posecast_edge.sources.ros.messages import PAYLOAD_MAX
 from posecast_edge.sources.ros.ros2 import BACKLOG_MAX
 from posecast_edge.sources.ros.rosbridge import LOOK_S, THROTTLE_MS
@@ -212,7 +209,7 @@ def test_the_page_of_python_names_every_argument_and_its_programs_run(tmp_path: 
             name for name in inspect.signature(method).parameters if name not in ("self", "wrong", "others")
         ]
         assert [name for name in names if f"`{name}`" not in page] == []
-    assert (STREAM_HELD_S, STATE_HELD_S, SETTLE_S, KEPT_MAX, PROBLEMS_MAX) == (1.5, 60, 0.5, 64, 50)
+    assert (STREAM_S, STATE_S, SETTLE_S, KEPT_MAX, PROBLEMS_MAX) == (1.5, 60, 0.5, 64, 50)
     shutil.copy(ROOT / "edge-agent/examples/arm.urdf", tmp_path)
     first, second, _, silence = blocks("python", page)
     (from_urdf,) = blocks("python", OF_SOURCE["urdf"])

@@ -116,7 +116,7 @@ PARSERS = (
     ),
     Parser(
         "mtl",
-        ("model.meshes.side_files.read_bounded",),
+        ("model.meshes.reader.read_bounded",),
         mtl_work,
         REFUSED,
         (MTL,),

@@ -13,7 +13,7 @@ import ros_stage
 import rosbridge_stage
 from hubo_structs import state
 from parser_stage import Input, Parser, Work, Worst, in_one_line, written
-from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
+from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError
 from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.ros.cdr import CdrReader, Ros1Reader
@@ -221,7 +221,7 @@ PARSERS = (
     ),
     Parser(
         "ach",
-        ("sources.hubo.ach_channel.AchChannel.read_new_frames",),
+        ("sources.hubo.ach_shm.AchChannel.read_new_frames",),
         ach_work,
         (ChannelError,),
         (ach_file(4), ach_file(60)),

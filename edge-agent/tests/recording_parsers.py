@@ -176,7 +176,7 @@ ROWS = b"t,A,ref.B [deg],flags.A,info.mode,\n1.5,0.1,0.2,jam hot,walk,x\n2,1,2,3
 PARSERS = (
     Parser(
         "csv",
-        ("sources.files.csv.Table.read_samples", "sources.files.csv_clock.parse_iso_time"),
+        ("sources.files.csv.Table.read_samples", "sources.files.csv.parse_iso_time"),
         csv_work,
         (SourceError,),
         (ROWS, b"\xef\xbb\xbftime_ms;A;B\r\n1;2;3\r\n4;5;6\r\n"),

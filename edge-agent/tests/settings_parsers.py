@@ -119,13 +119,7 @@ PARSERS = (
         "profile",
         (
             "profile.reader.load_profile",
-            "profile.balance.read_balance",
-            "profile.explain.read_sentences",
-            "profile.names.read_names",
             "profile.reader.parse_profile",
-            "profile.ros.read_ros",
-            "profile.thresholds.read_thresholds",
-            "profile.views.read_view",
         ),
         profile_work,
         (ProfileError,),
@@ -138,7 +132,7 @@ PARSERS = (
     ),
     Parser(
         "credential",
-        ("cli.settings.parse_settings", "uplink.arguments.read_credential"),
+        ("cli.settings.parse_settings", "uplink.credentials.read_credential"),
         credential_work,
         (UsageError,),
         (CREDENTIAL + b"\n", CREDENTIAL + b":TUlJQg==\r\n"),

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import pytest
 from ach_stage import HEADER, Writer, patterned
-from posecast_edge.sources.hubo import ach_channel
-from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
-from posecast_edge.sources.hubo.ach_shm import ShmReader
+from posecast_edge.sources.hubo import ach_shm
+from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError, ShmReader
 from posecast_testing import until
 
 
@@ -107,7 +106,7 @@ def test_a_kept_frame_that_the_writer_crossed_is_left_out(
         crossed.append(half + really(fd, count - count // 2, place + count // 2))
         return crossed[0]
 
-    monkeypatch.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", slow)
+    monkeypatch.setattr("posecast_edge.sources.hubo.ach_shm.os.pread", slow)
     channel.save_frames()
     assert patterned(100 + 5, size) in crossed[0], "what was kept holds frames of a later time"
     for i in range(6, 12):
@@ -125,7 +124,7 @@ def test_a_large_channel_is_not_kept(path: Path, monkeypatch: pytest.MonkeyPatch
     channel.read_new_frames()
     writer.put(patterned(3, size))
     with monkeypatch.context() as m:
-        m.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", None)
+        m.setattr("posecast_edge.sources.hubo.ach_shm.os.pread", None)
         channel.save_frames()
     writer.put(patterned(4, size))
     assert channel.read_new_frames() == [patterned(3, size), patterned(4, size)]
@@ -152,7 +151,7 @@ def test_an_elder_frame_that_the_writer_crosses_is_left_out(
         return data
 
     with monkeypatch.context() as m:
-        m.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", slow)
+        m.setattr("posecast_edge.sources.hubo.ach_shm.os.pread", slow)
         assert channel.read_new_frames() == [patterned(i, size) for i in (5, 6, 7)]
     assert channel.read_new_frames() == [patterned(100 + i, size) for i in range(5)]
 
@@ -175,7 +174,7 @@ def test_it_can_do_nothing_but_read(path: Path, monkeypatch: pytest.MonkeyPatch)
         opened.append(flags)
         return really(name, flags, *rest)
 
-    monkeypatch.setattr("posecast_edge.sources.hubo.ach_channel.os.open", spy)
+    monkeypatch.setattr("posecast_edge.sources.hubo.ach_shm.os.open", spy)
     writer = Writer(path)
     writer.put(b"x" * 3898)
     before = path.read_bytes()
@@ -205,7 +204,7 @@ def test_a_frame_the_writer_crosses_is_read_again(path: Path, monkeypatch: pytes
             return first + really(fd, count - count // 2, place + count // 2)
         return really(fd, count, place)
 
-    monkeypatch.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", slow)
+    monkeypatch.setattr("posecast_edge.sources.hubo.ach_shm.os.pread", slow)
     assert newest(channel) == patterned(102, size)
     assert channel.torn == 2
 
@@ -227,7 +226,7 @@ def test_frames_that_lie_far_apart_are_read_one_by_one(path: Path, monkeypatch: 
         counts.append(count)
         return really(fd, count, place)
 
-    monkeypatch.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", spy)
+    monkeypatch.setattr("posecast_edge.sources.hubo.ach_shm.os.pread", spy)
     assert channel.read_new_frames() == [patterned(i, size) for i in (199, 200, 201)]
     assert counts[1:-1] == [size] * 3
 
@@ -247,7 +246,7 @@ def test_a_look_is_three_reads_however_many_frames_it_brings(
         reads += 1
         return really(fd, count, place)
 
-    monkeypatch.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", spy)
+    monkeypatch.setattr("posecast_edge.sources.hubo.ach_shm.os.pread", spy)
     for count, expected in ((4, 3), (0, 1), (1, 3), (7, 3)):
         for _ in range(count):
             writer.put(b"x" * 3898)
@@ -277,9 +276,9 @@ def test_a_writer_that_always_laps_us_is_given_up_for_now(
         return really(fd, count, place)
 
     with monkeypatch.context() as m:
-        m.setattr("posecast_edge.sources.hubo.ach_channel.os.pread", lapped)
+        m.setattr("posecast_edge.sources.hubo.ach_shm.os.pread", lapped)
         assert newest(channel) is None
-    assert puts == ach_channel.TRIES
+    assert puts == ach_shm.TRIES
     assert newest(channel) == patterned(puts, 800)
 
 

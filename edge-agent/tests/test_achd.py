@@ -13,7 +13,7 @@ from contextlib import suppress
 
 import pytest
 from achd_stage import Achd, framed, refuse
-from posecast_edge.sources.backoff import Backoff
+from posecast_edge.kit import Backoff
 from posecast_edge.sources.hubo import achd as achd_module
 from posecast_edge.sources.hubo.achd import BATCH_BYTES, AchdReader, BatchTimer
 from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError, make_request

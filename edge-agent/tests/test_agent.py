@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from edge_stage import PROFILE, ROBOT, Got, Router
-from posecast_edge import clock
+from posecast_edge import kit
 from posecast_edge.agent import Agent, AgentSettings
 from posecast_edge.cli.console import Console
 from posecast_edge.model.serve.bundle import Bundle
@@ -47,7 +47,7 @@ class Moving:
         while not stop.wait(0.01):
             if self.errors:
                 raise self.errors.pop(0)
-            t_s = clock.now_s()
+            t_s = kit.now_s()
             deliver(Sample(t_s, {"pos": [t_s % 3, None], "flags": [2 * (t_s % 0.4 > 0.2), 0]}, self.info))
 
 
@@ -222,7 +222,7 @@ class Wire:
     """In the publisher's place: what leaves, while somebody listens."""
 
     def __init__(self) -> None:
-        self.open = True
+        self.may_send = True
         self.frames: list[Frame] = []
         self.blocks: Callable[[], None] = lambda: None
 
@@ -239,7 +239,7 @@ class Still:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 50.0
-        monkeypatch.setattr(clock, "now_s", lambda: self.now_s)
+        monkeypatch.setattr(kit, "now_s", lambda: self.now_s)
         settings = AgentSettings(ROBOT, "tcp/127.0.0.1:1", 30.0, 30.0)
         self.agent = Agent(settings, Moving(), parse_profile(PROFILE), Console(io.StringIO()))
         self.wire = Wire()
@@ -278,7 +278,7 @@ def test_every_frame_is_stamped_with_its_samples_arrival(monkeypatch: pytest.Mon
 
 def test_the_stamp_on_the_wire_is_when_the_sample_was_taken(running: Running) -> None:
     publisher = running.agent._publisher
-    taken_s = clock.now_s() + 1000.0
+    taken_s = kit.now_s() + 1000.0
     publisher.send_frame("lab", Frame(running.frames("lab")[0].data, 0, taken_s))
     stamp = publisher.run.make_stamp(taken_s)
     until("the stamp", lambda: stamp in [f.stamp for f in running.frames("lab")])
@@ -287,11 +287,11 @@ def test_the_stamp_on_the_wire_is_when_the_sample_was_taken(running: Running) ->
 def test_a_sample_from_before_an_outage_is_a_picture_and_no_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     still = Still(monkeypatch)
     still.samples(1.0)
-    still.wire.open = False
+    still.wire.may_send = False
     still.samples(1.0)
     before = len(still.wire.frames)
     still.now_s += 10.0  # the source falls silent, then the link comes back
-    still.wire.open = True
+    still.wire.may_send = True
     still.agent._force_key("public")
     for _ in range(30):
         still.look()
@@ -357,7 +357,7 @@ def test_a_model_that_comes_later_changes_units_once(router: Router) -> None:
     class Gripper(Moving):
         def run(self, deliver: Deliver, stop: threading.Event) -> None:
             while not stop.wait(0.01):
-                t_s = clock.now_s()
+                t_s = kit.now_s()
                 deliver(Sample(t_s, {"pos": {"arm": t_s % 3, "finger": t_s % 0.04}}))
 
     settings = AgentSettings(ROBOT, router.endpoint, 30.0, 30.0)

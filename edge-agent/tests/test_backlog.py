@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.pipeline.backlog import HOLD_S, Backlog
+from posecast_edge.pipeline.intake import HOLD_S, Backlog
 
 ROBOT_S = 1000.0  # the robot's clock when ours is 0
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from command_stage import run_edge
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
-from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.credentials import Certificate
 from posecast_wire import Credential
 
 GOOD = ["run", "--robot", "r1", "--source", "jsonl", "--relay", "tcp/127.0.0.1:7447"]

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.sources.published.clock_check import BACK, ClockCheck
-from posecast_edge.sources.published.problems import ProblemList
+from posecast_edge.sources.published.checks import BACK, ClockCheck, ProblemList
 
 
 def told(times: list[tuple[float, float]]) -> dict[str, int]:

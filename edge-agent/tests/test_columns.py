@@ -1,8 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.profile.columns import Columns, find_column
-from posecast_edge.profile.types import FieldSpec
+from posecast_edge.profile.types import Columns, FieldSpec, find_column
 
 FIELDS = (
     FieldSpec("pos", "joint", ("A", "B")),

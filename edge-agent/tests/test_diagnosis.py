@@ -17,8 +17,7 @@ import pytest
 import zenoh
 from edge_stage import ROBOT, Edge, Router
 from posecast_edge.uplink import diagnosis as doorbell
-from posecast_edge.uplink import knock
-from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.credentials import Certificate
 from posecast_edge.uplink.diagnosis import Diagnosis, RefusalPatience, diagnose_link
 from posecast_testing import free_port, until
 from posecast_wire import Credential
@@ -106,7 +105,7 @@ def test_a_relay_that_is_slow_at_first_is_not_said_to_refuse(
         until_s = time.monotonic() + 20.0
         while not knocked.is_set() and time.monotonic() < until_s:
             with slow.accept()[0] as link:
-                if link.recv(2) == knock.KNOCK:  # the agent asks why there is no link
+                if link.recv(2) == doorbell.PROBE:  # the agent asks why there is no link
                     knocked.set()
         assert knocked.is_set()
     router.start()
@@ -160,7 +159,7 @@ def test_the_port_of_a_web_page(tmp_path: Path) -> None:
         until("nginx listens", lambda: listens(port) and listens(tls_port))
         for endpoint in (f"tcp/127.0.0.1:{port}", f"tls/127.0.0.1:{port}", f"tls/127.0.0.1:{tls_port}"):
             found = diagnose_link(endpoint, proof)
-            assert found == Diagnosis(knock.WEB), endpoint
+            assert found == Diagnosis(doorbell.WEB), endpoint
             assert not found.is_refusal, "it is told at once"
     finally:
         server.terminate()

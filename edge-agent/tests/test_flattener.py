@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.part_log import PartLog
-from posecast_edge.pipeline.flattener import MAX_NAMED, SampleFlattener
+from posecast_edge.kit import PartLog
+from posecast_edge.pipeline.stream import MAX_NAMED, SampleFlattener
 from posecast_edge.sample import Sample
 from posecast_wire.schema import Schema, build_schema_text
 

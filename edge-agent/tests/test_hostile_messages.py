@@ -16,9 +16,8 @@ import pytest
 import ros_stage
 from message_parsers import MESSAGE, as_cbor, doubling, publish
 from parser_stage import held_bytes
-from posecast_edge.part_log import NAMED_MAX
-from posecast_edge.rate_limited_log import RateLimitedLog
-from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
+from posecast_edge.kit import NAMED_MAX, RateLimitedLog
+from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError
 from posecast_edge.sources.hubo.achd import BatchTimer
 from posecast_edge.sources.ros.cdr import CdrReader
 from posecast_edge.sources.ros.input import RosInput

@@ -26,7 +26,7 @@ from model_stage import (
     written,
 )
 from posecast_edge.cli import model_command as command
-from posecast_edge.model.builder import raster
+from posecast_edge.model.builder import thumbnail
 from posecast_edge.model.builder import visuals as figure
 from posecast_edge.model.builder.model_files import read_visual_files
 from posecast_edge.model.builder.simplify import LodChain
@@ -109,19 +109,19 @@ def test_triangles_about_a_crowded_vertex_stay_as_they_are(tmp_path: Path) -> No
 
 def test_a_heap_as_large_as_the_robot_is_drawn_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of triangles that each fill the picture as many as there is time for; small ones come first."""
-    monkeypatch.setattr(raster, "TESTS_IN_ALL", 1 << 22, raising=False)
+    monkeypatch.setattr(thumbnail, "TESTS_IN_ALL", 1 << 22, raising=False)
     large, small = (np.array([[-s, -s, z], [s, -s, z], [0, s, z]]) for s, z in ((9.0, 0), (0.05, 1)))
     corners = np.stack([*[large] * 1000, small])
     tests = 0
-    test = raster._test
+    test = thumbnail._test
 
     def counted(xy: np.ndarray[Any, Any], *rest: Any) -> None:
         nonlocal tests
         tests += len(xy) * rest[2][0] * rest[2][1]
         test(xy, *rest)
 
-    monkeypatch.setattr(raster, "_test", counted)
-    triangle, _ = raster.draw_triangles(corners, raster.Camera(np.eye(3), np.zeros(3), 2.0, 64))
+    monkeypatch.setattr(thumbnail, "_test", counted)
+    triangle, _ = thumbnail.draw_triangles(corners, thumbnail.Camera(np.eye(3), np.zeros(3), 2.0, 64))
     assert tests <= 1 << 22
     assert (triangle >= 0).all()
     assert (triangle == 1000).any()

@@ -20,7 +20,7 @@ from posecast_edge.pipeline.inferred_channels import (
     WAITING_MAX,
     InferredChannels,
 )
-from posecast_edge.profile.field_defaults import FLAG_BITS
+from posecast_edge.profile.defaults import FLAG_BITS
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.sample import Sample
 from posecast_wire.schema import CHANNELS_MAX, Schema

@@ -6,8 +6,8 @@ import math
 
 import pytest
 from posecast_edge.model.moving_joints import MovingJoint
-from posecast_edge.sources.ros.joint_frames import NO_MODEL, JointFrames
 from posecast_edge.sources.ros.messages import Transform
+from posecast_edge.sources.ros.robot_frames import NO_MODEL, JointFrames
 from posecast_edge.sources.ros.transforms import FRAMES_MAX, WAIT_S
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)

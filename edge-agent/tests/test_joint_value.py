@@ -8,7 +8,7 @@ import random
 import pytest
 from posecast_edge.model.kinematics import compute_motion, matrix_from_quaternion, multiply, normalise_axis
 from posecast_edge.model.moving_joints import MovingJoint
-from posecast_edge.sources.ros.joint_value import compute_joint_value
+from posecast_edge.sources.ros.robot_frames import compute_joint_value
 from posecast_edge.sources.ros.transforms import Pose, Quaternion, multiply_poses
 
 DICE = random.Random(7)

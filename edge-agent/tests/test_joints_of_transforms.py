@@ -16,8 +16,8 @@ from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.urdf.reader import load_urdf, read_urdf
 from posecast_edge.sample import Sample
 from posecast_edge.sources.registry import open_source
-from posecast_edge.sources.ros.joint_frames import NO_MODEL
 from posecast_edge.sources.ros.messages import JOINT_STATE, STRING, TF
+from posecast_edge.sources.ros.robot_frames import NO_MODEL
 from posecast_testing import until
 from source_stage import Listen, Move
 

@@ -292,7 +292,7 @@ class Clock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.ahead_s = 0.0
-        monkeypatch.setattr("posecast_edge.clock.now_s", lambda: time.monotonic() + self.ahead_s)
+        monkeypatch.setattr("posecast_edge.kit.now_s", lambda: time.monotonic() + self.ahead_s)
 
 
 def test_after_a_stall_what_lay_in_the_pipe_is_not_the_newest(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from model_stage import build_robot, joint, link, mesh, robot, written
 from numpy.typing import NDArray
-from posecast_edge.model.builder.inertials import make_inertials
+from posecast_edge.model.builder.build import make_inertials
 from posecast_edge.model.builder.soles import CORNERS_MAX, compute_area, find_corners
 from posecast_edge.model.doctor.masses import compute_principal_moments
 from posecast_edge.model.kinematics import compute_link_poses

@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 from PIL import Image
 from posecast_edge.model.builder.build import Built, collect_triangles
 from posecast_edge.model.builder.manifest import BYTES_MAX, compute_home, encode_manifest
-from posecast_edge.model.builder.raster import aim_camera, draw_triangles
 from posecast_edge.model.builder.soles import CORNERS_MAX
+from posecast_edge.model.builder.thumbnail import aim_camera, draw_triangles
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.model.serve.bundle_dir import MANIFEST_MAX

@@ -9,15 +9,12 @@ from pathlib import Path
 
 import pytest
 from model_stage import joint, link, mesh, robot, written
-from posecast_edge import clock
+from posecast_edge import kit
 from posecast_edge.model.serve.bundle import load_bundle
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
-from posecast_edge.sources.published.clock_check import BACK
-from posecast_edge.sources.published.copier import Copied
-from posecast_edge.sources.published.model_check import ERRORS_MAX, ModelCheck
-from posecast_edge.sources.published.problems import ProblemList
-from posecast_edge.sources.published.slot import PublishedSlot
+from posecast_edge.sources.published.checks import BACK, ERRORS_MAX, ModelCheck, ProblemList
+from posecast_edge.sources.published.readings import Copied, PublishedSlot
 from posecast_edge.sources.published.source import PublishedSource
 
 ARM = (
@@ -136,11 +133,11 @@ def test_the_source_compares_what_it_delivers(tmp_path: Path) -> None:
 
     def deliver(_: Sample) -> None:
         if left:
-            slot.put(left.pop(), [Copied("pos", ("elbow", "elbo"), [90.0, 1.0])], {}, clock.now_s())
+            slot.put(left.pop(), [Copied("pos", ("elbow", "elbo"), [90.0, 1.0])], {}, kit.now_s())
         else:
             source.end()
 
-    slot.put(8.0, [Copied("pos", ("elbow", "elbo"), [90.0, 1.0])], {}, clock.now_s())
+    slot.put(8.0, [Copied("pos", ("elbow", "elbo"), [90.0, 1.0])], {}, kit.now_s())
     source.run(deliver, threading.Event())
     assert problems.get_counts() == {
         "pos of 'elbo' moves nothing: the model has no such joint": 1,
@@ -154,6 +151,6 @@ def test_a_profile_says_itself_what_moves_what(tmp_path: Path) -> None:
     slot, problems = PublishedSlot(), ProblemList()
     source = PublishedSource(slot, (), profile, problems)
     source.expect_model(load_bundle(written(tmp_path / "robot", robot(*ARM))))
-    slot.put(1.0, [Copied("pos", ("elbow", "M1"), [90.0, 1.0])], {}, clock.now_s())
+    slot.put(1.0, [Copied("pos", ("elbow", "M1"), [90.0, 1.0])], {}, kit.now_s())
     source.run(lambda _: source.end(), threading.Event())
     assert problems.get_counts() == {}

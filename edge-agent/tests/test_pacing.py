@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 from edge_stage import PROFILE
-from posecast_edge.pipeline.pacing import FramePacer
 from posecast_edge.pipeline.stream import Stream
+from posecast_edge.pipeline.view_pipeline import FramePacer
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
 from posecast_wire.decoder import Decoder

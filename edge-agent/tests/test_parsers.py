@@ -21,8 +21,8 @@ PACKAGE = Path(posecast_edge.__file__).parent
 READS = re.compile(r"(?:decode|feed|fit|load|parse|read|unpack|validate)(?:_|$)")
 # what is called so and reads nothing that a stranger wrote, or is measured elsewhere
 ELSEWHERE = {
-    "cli.robot_flags.parse_folders": "a flag",
-    "cli.robot_flags.parse_xacro_argument": "a flag: test_xacro.py",
+    "cli.flags.parse_folders": "a flag",
+    "cli.flags.parse_xacro_argument": "a flag: test_xacro.py",
     "sample.read_time": "a value that JSON has been parsed into, or of a Python program: test_jsonl.py",
     "sources.demo.read_motion": "a file of our own",
     "sources.mujoco.model.load_simulation": "test_hostile_mujoco.py: MuJoCo reads",

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 from command_stage import run_edge
-from posecast_edge.profile import further_errors
-from posecast_edge.profile.reader import ProfileError, parse_profile
+from posecast_edge.profile.reader import ERRORS_MAX, READ_BYTES_MAX, ProfileError, parse_profile
 
 PROFILE = """\
 [labels]
@@ -78,8 +77,8 @@ def test_where_nothing_can_be_taken_out_one_is_all(text: str) -> None:
 
 def test_there_is_an_end() -> None:
     text = "[[fields]]\nname = 'x'\n" + "".join(f"key{n} = 1\n" for n in range(100))
-    assert len(errors(text)) == further_errors.ERRORS_MAX
-    assert len(errors(text + "#" * further_errors.READ_BYTES_MAX)) == 1
+    assert len(errors(text)) == ERRORS_MAX
+    assert len(errors(text + "#" * READ_BYTES_MAX)) == 1
 
 
 def test_the_commands_print_each(tmp_path: Path) -> None:

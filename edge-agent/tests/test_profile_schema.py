@@ -7,7 +7,7 @@ import pytest
 from cost_stage import cost, grows_linearly
 from edge_stage import PROFILE
 from posecast_edge.pipeline.stream import Stream
-from posecast_edge.profile.field_defaults import FLAG_BITS
+from posecast_edge.profile.defaults import FLAG_BITS
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.profile.schema import infer_profile, make_schema_text, mark_sliding
 from posecast_edge.sample import Sample, SourceError, Values

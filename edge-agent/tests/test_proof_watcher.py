@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from posecast_edge.uplink.arguments import read_credential
-from posecast_edge.uplink.proof_watcher import ProofWatcher
+from posecast_edge.uplink.credentials import ProofWatcher, read_credential
 from posecast_wire import Credential
 
 A, B = ("A" * 43, "B" * 43)

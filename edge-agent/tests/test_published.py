@@ -10,9 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 from posecast_edge.sample import Sample
-from posecast_edge.sources.published.copier import NAMES_MAX, Copied, ReadingsCopier, UnusableError, copy_base
-from posecast_edge.sources.published.problems import MORE, PROBLEMS_MAX, ProblemList
-from posecast_edge.sources.published.slot import KEPT_MAX, STRANDS_MAX, PublishedSlot, Taken
+from posecast_edge.sources.published.checks import MORE, PROBLEMS_MAX, ProblemList
+from posecast_edge.sources.published.readings import (
+    KEPT_MAX,
+    NAMES_MAX,
+    PUBLISHERS_MAX,
+    Copied,
+    PublishedSlot,
+    ReadingsCopier,
+    Taken,
+    UnusableError,
+    copy_base,
+)
 from posecast_edge.sources.published.source import PublishedSource
 
 
@@ -124,9 +133,9 @@ def test_flags_that_were_replaced_unseen_are_kept_and_not_too_many() -> None:
 
 def test_calls_that_always_name_others_take_no_more_room() -> None:
     slot = PublishedSlot()
-    for i in range(10 * STRANDS_MAX):
+    for i in range(10 * PUBLISHERS_MAX):
         slot.put(0.0, [Copied("pos", (f"a{i}",), [1.0])], {}, 0.0)
-    assert len(taken(slot, 0.0).values["pos"]) == STRANDS_MAX
+    assert len(taken(slot, 0.0).values["pos"]) == PUBLISHERS_MAX
 
 
 def test_who_waits_is_woken_by_the_next_call() -> None:
@@ -163,7 +172,7 @@ def test_joints_stand_in_the_order_of_the_constructor(monkeypatch: pytest.Monkey
         got.append(sample)
         source.end()
 
-    monkeypatch.setattr("posecast_edge.clock.now_s", lambda: 0.0)
+    monkeypatch.setattr("posecast_edge.kit.now_s", lambda: 0.0)
     source.run(deliver, threading.Event())
     empty = {"b": None, "a": None}
     assert got == [Sample(1.0, {"pos": empty, "ref": empty, "temp": {"b": None, "a": 1.0}})]

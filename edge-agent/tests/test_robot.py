@@ -19,9 +19,9 @@ import pytest
 from edge_stage import PROFILE, ROBOT, Router
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from posecast_edge import clock
+from posecast_edge import kit
+from posecast_edge.kit import quote
 from posecast_edge.pipeline.inferred_channels import TOO_MANY_FIELDS
-from posecast_edge.visible import quote
 from posecast_testing import count_examples, free_port, until
 from posecast_wire.decoder import Decoder
 from posecast_wire.frame import FrameError
@@ -214,7 +214,7 @@ def test_a_time_that_is_none_costs_the_time_only(router: Router, make: Make, t: 
     publish_until(robot, lambda: watched.sees(**SETTLED), t=t, **SETTLED)
     robot.publish(t=float("inf"), pos={"elbow": 0.0})
     assert list(robot.status().problems) == [line]
-    assert watched.t_s == pytest.approx(clock.now_s(), abs=30.0)
+    assert watched.t_s == pytest.approx(kit.now_s(), abs=30.0)
 
 
 class Unprintable(int):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 import zenoh
-from posecast_edge.sources.ros.keys import (
+from posecast_edge.sources.ros.messages import JOINT_STATE
+from posecast_edge.sources.ros.ros2 import (
     BRIDGE_TOKENS,
     Found,
     make_data_key,
@@ -12,7 +13,6 @@ from posecast_edge.sources.ros.keys import (
     match_data_key,
     match_token_key,
 )
-from posecast_edge.sources.ros.messages import JOINT_STATE
 
 HASH = "RIHS01_" + "ab" * 32
 DDS = "sensor_msgs::msg::dds_::JointState_"

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from posecast_edge.sources.merge import LABELS_MAX, STATE_S, STREAM_S
 from posecast_edge.sources.ros.merge import (
     HOLD_S,
-    LABELS_MAX,
+    PUBLISHERS_MAX,
     SETTLE_S,
     SETTLED_S,
-    STATE_S,
-    STRANDS_MAX,
-    STREAM_S,
     TEXTS_MAX,
     MessageMerger,
     RobotClock,
@@ -135,11 +133,11 @@ def test_but_not_for_ever() -> None:
 
 def test_publishers_without_end_do_not_fill_the_memory() -> None:
     robot = Robot()
-    for k in range(STRANDS_MAX + 50):
+    for k in range(PUBLISHERS_MAX + 50):
         robot.pos({"pos": {f"j{k}": 0.0}}, k + 1.0)
     values = robot.values()
-    assert len(values["pos"]) == STRANDS_MAX
-    assert f"j{STRANDS_MAX + 49}" in values["pos"]
+    assert len(values["pos"]) == PUBLISHERS_MAX
+    assert f"j{PUBLISHERS_MAX + 49}" in values["pos"]
 
 
 def test_a_publisher_that_goes_on_for_long_takes_nothing_from_the_others() -> None:
@@ -149,6 +147,13 @@ def test_a_publisher_that_goes_on_for_long_takes_nothing_from_the_others() -> No
     for k in range(2 * LABELS_MAX // 1000):
         robot.pos(arms, k + 1.0)
     assert robot.values() == {"pos": LEG["pos"] | arms["pos"]}
+
+
+def test_publishers_that_go_make_room_for_others() -> None:
+    robot = Robot()
+    for k in range(40):
+        robot.pos({"pos": {f"arm{k}.{i}": 0.0 for i in range(1000)}}, k + 1.0)
+    assert len(robot.values()["pos"]) == LABELS_MAX // 1000 * 1000
 
 
 def test_time_that_stands_still_is_silence_and_noticed() -> None:

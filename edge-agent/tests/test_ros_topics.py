@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.profile.reader import ProfileError, parse_profile
-from posecast_edge.profile.ros import ROLES
+from posecast_edge.profile.reader import ROLES, ProfileError, parse_profile
 from posecast_edge.sources.ros.messages import (
     BATTERY,
     CONTROLLER_STATE,

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from posecast_edge.pipeline.sampler import CONFIRM_S, Due, Sampler
+from posecast_edge.pipeline.stream import CONFIRM_S, Due, Sampler
 from posecast_wire.quantiser import Quantiser
 from posecast_wire.schema import Schema, build_schema_text
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from command_stage import run_edge
 from posecast_edge.cli.doctor import examine_source
+from posecast_edge.cli.source_stats import SourceStats
 from posecast_edge.model.urdf.reader import load_urdf
-from posecast_edge.pipeline.source_stats import SourceStats
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
 

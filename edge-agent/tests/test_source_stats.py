@@ -3,7 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from posecast_edge.cli.probe import describe_source
-from posecast_edge.pipeline.source_stats import MAX_BITS, MAX_CHANNELS, SourceStats, observe_source
+from posecast_edge.cli.source_stats import MAX_BITS, MAX_CHANNELS, SourceStats, observe_source
 from posecast_edge.sample import Sample, Values
 from posecast_edge.sources.registry import open_source
 

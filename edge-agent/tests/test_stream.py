@@ -6,7 +6,7 @@ import random
 
 import pytest
 from edge_stage import PROFILE
-from posecast_edge.part_log import NAMED_MAX
+from posecast_edge.kit import NAMED_MAX
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.profile.schema import infer_profile

@@ -11,9 +11,8 @@ import pytest
 from model_stage import CUBE_CORNERS, CUBE_FACES, cube_stl
 from PIL import Image
 from posecast_edge.model.builder.quantise import make_grid, pack_part
-from posecast_edge.model.builder.raster import aim_camera, draw_triangles
 from posecast_edge.model.builder.simplify import FINEST, LARGEST, STEP, LodChain, count_rungs
-from posecast_edge.model.builder.thumbnail import draw_thumbnail, encode_png
+from posecast_edge.model.builder.thumbnail import aim_camera, draw_thumbnail, draw_triangles, encode_png
 from posecast_edge.model.meshes.mesh import Surface
 from posecast_edge.model.meshes.normals import compute_crease_normals
 from posecast_edge.model.meshes.primitives import tessellate

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.pipeline.text_guard import TextGuard
+from posecast_edge.pipeline.intake import TextGuard
 from posecast_edge.sample import Sample
 
 HALF = "\ud800"

@@ -10,12 +10,10 @@ from typing import Any, TypeVar
 import pytest
 import zenoh
 from edge_stage import ROBOT, Router
-from posecast_edge.exception_log import ExceptionLog
+from posecast_edge.kit import ExceptionLog
 from posecast_edge.pipeline.events import Event
-from posecast_edge.uplink.publisher import ZenohPublisher
-from posecast_edge.uplink.run import Run
-from posecast_edge.uplink.session_config import make_zenoh_config
-from posecast_edge.uplink.view_publisher import EVENTS_MAX, ViewPublisher
+from posecast_edge.uplink.publisher import EVENTS_MAX, ViewPublisher, ZenohPublisher
+from posecast_edge.uplink.session import Run, make_zenoh_config
 from posecast_testing import until
 from posecast_wire.keys import frame_key
 
@@ -88,7 +86,7 @@ class Breaking:
 def link(router: Router) -> Iterator[ZenohPublisher]:
     made = ZenohPublisher(ROBOT, VIEWS, router.endpoint, snapshot=lambda _: None, heard=lambda _: None)
     made.start()
-    until("a link", lambda: made.connected and made.open)
+    until("a link", lambda: made.connected and made.may_send)
     yield made
     made.stop(20.0)
     made.wait_for_end(20.0)

@@ -10,8 +10,7 @@ from typing import cast
 
 import pytest
 from posecast_edge.sources.hubo import ach_shm
-from posecast_edge.sources.hubo.ach_channel import AchChannel
-from posecast_edge.sources.hubo.ach_shm import ShmReader
+from posecast_edge.sources.hubo.ach_shm import AchChannel, ShmReader
 from posecast_edge.sources.hubo.reconnecting import WAIT_S
 from posecast_edge.sources.hubo.writer_clock import LOOKS_HZ
 

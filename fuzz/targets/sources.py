@@ -12,8 +12,8 @@ from collections.abc import Iterable
 
 from posecast_edge.model.moving_joints import MovingJoint
 from posecast_edge.pipeline.inferred_channels import InferredChannels
+from posecast_edge.pipeline.intake import TextGuard
 from posecast_edge.pipeline.stream import Stream
-from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.profile.reader import ProfileError, load_profile, parse_profile
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import Profile
@@ -21,12 +21,11 @@ from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.csv import Table
 from posecast_edge.sources.files.ros_recording import RosRecording
 from posecast_edge.sources.files.trajectory import open_source as open_trajectory
-from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
+from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError
 from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.jsonl import LineError, parse_line
 from posecast_edge.sources.ros.cdr import CdrReader
-from posecast_edge.sources.ros.joint_frames import JointFrames
 from posecast_edge.sources.ros.merge import MessageMerger
 from posecast_edge.sources.ros.messages import (
     STRING,
@@ -36,6 +35,7 @@ from posecast_edge.sources.ros.messages import (
     read_message,
     read_transforms,
 )
+from posecast_edge.sources.ros.robot_frames import JointFrames
 from posecast_edge.sources.ros.rosbridge_protocol import MessageAssembler, Publish, RosbridgeProtocolError
 from posecast_edge.sources.ros.topics import TYPES, Routes
 from posecast_edge.sources.ros.transforms import TransformTree

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 
 from posecast_edge.cli.main import main
-from posecast_edge.pipeline.sampler import NEVER, Due, Sampler, Values
+from posecast_edge.pipeline.stream import NEVER, Due, Offered, Sampler
 from posecast_wire.quantiser import Quantiser
 
 WELL = 60  # it breaks after this many frames
@@ -40,9 +40,9 @@ def codes_that_stick() -> None:
 def old_samples_as_fresh() -> None:
     """Each sample waits for a hundred and fifty others, and is then sent as if it had just been taken."""
     offer = Sampler.offer
-    waiting: deque[tuple[float, Values]] = deque()
+    waiting: deque[tuple[float, Offered]] = deque()
 
-    def offer_later(self: Sampler, t_s: float, values: Values, taken_s: float) -> None:
+    def offer_later(self: Sampler, t_s: float, values: Offered, taken_s: float) -> None:
         waiting.append((t_s, values))
         if len(waiting) > LATE_SAMPLES:
             offer(self, *waiting.popleft(), taken_s)

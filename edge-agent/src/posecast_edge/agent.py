@@ -17,24 +17,20 @@ from typing import Protocol
 from posecast_wire.credential import Credential
 from posecast_wire.keys import Snapshot
 
-from posecast_edge import clock
-from posecast_edge.exception_log import ExceptionLog
+from posecast_edge import kit
+from posecast_edge.kit import ExceptionLog, PartLog, make_visible, quote
 from posecast_edge.model.serve.bundle import Bundle
-from posecast_edge.part_log import PartLog
-from posecast_edge.pipeline.backlog import Backlog
 from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.inferred_channels import InferredChannels
+from posecast_edge.pipeline.intake import Backlog, TextGuard
 from posecast_edge.pipeline.stream import Stream
-from posecast_edge.pipeline.text_guard import TextGuard
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
-from posecast_edge.profile.balance import find_unknown_feet
-from posecast_edge.profile.types import PUBLIC, Profile
+from posecast_edge.profile.types import PUBLIC, Profile, find_unknown_feet
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Source, Troubled
-from posecast_edge.uplink.certificate import Certificate
+from posecast_edge.uplink.credentials import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
-from posecast_edge.visible import make_visible, quote
 
 log = logging.getLogger("posecast_edge")
 
@@ -58,7 +54,7 @@ class AgentSettings:
 
 
 class ProgressLine(Protocol):
-    """Where the agent shows its status line. Times are seconds of clock.now_s()."""
+    """Where the agent shows its status line. Times are seconds of kit.now_s()."""
 
     def is_due(self, now_s: float) -> bool:
         """Whether it is time to show a new status text."""
@@ -110,7 +106,7 @@ class Agent:
         self._stopping = False
         self._source_stop = threading.Event()
         self._source_ended = False
-        self._told_trouble = False  # trouble before the first sample has been reported
+        self._reported_trouble = False  # trouble before the first sample has been reported
         self._failure: str | None = None
 
     def set_model(self, bundle: Bundle) -> None:
@@ -159,7 +155,7 @@ class Agent:
         threading.Thread(target=self._read_source, name="source", daemon=True).start()
         echoes = 0
         while not self._stopping and not self._source_ended:
-            now_s = clock.now_s()
+            now_s = kit.now_s()
             if self._publisher.echoes != echoes:
                 echoes = self._publisher.echoes
                 self._adapt(now_s)
@@ -203,8 +199,8 @@ class Agent:
             trouble = self._source.trouble if isinstance(self._source, Troubled) else ""
             if pipeline.stream is not None:
                 self._send_events(pipeline, pipeline.stream.check_time(now_s, trouble))
-            elif trouble and not self._told_trouble:
-                self._told_trouble = True
+            elif trouble and not self._reported_trouble:
+                self._reported_trouble = True
                 self._send_events(pipeline, [Event(0.0, "fault", "source", trouble, True)])
         except Exception as e:
             self._failed(pipeline, e)
@@ -232,13 +228,13 @@ class Agent:
         """Send the frame that is due. The clock's thread calls this when no sample arrived in time."""
         try:
             with pipeline.lock:
-                now_s = clock.now_s()
+                now_s = kit.now_s()
                 if pipeline.ended:
                     return
                 pipeline.record_frame(now_s, self._rate.hz)
                 # don't encode while the link is down or has a queue: only the newest sample is kept, for
                 # a short time
-                if pipeline.stream is None or not self._publisher.open:
+                if pipeline.stream is None or not self._publisher.may_send:
                     return
                 frame = pipeline.stream.tick(now_s, pipeline.compute_oldest_s(now_s))
                 if frame is not None:
@@ -274,7 +270,7 @@ class Agent:
         self._bell.set()
 
     def _deliver(self, sample: Sample) -> float | None:
-        now_s = clock.now_s()
+        now_s = kit.now_s()
         sample = self._guard.clean(sample)
         if self._backlog.is_old(sample.t_s, now_s):
             sample = sample._replace(newest=False)
@@ -287,7 +283,7 @@ class Agent:
             if pipeline.stream is None:
                 return None
             wanted_s = min(wanted_s, pipeline.pacer.from_s)
-        return wanted_s - clock.now_s() + time.monotonic()  # sources use time.monotonic()
+        return wanted_s - kit.now_s() + time.monotonic()  # sources use time.monotonic()
 
     def _deliver_to(self, pipeline: ViewPipeline, sample: Sample, now_s: float) -> None:
         stream = pipeline.stream
@@ -322,7 +318,7 @@ class Agent:
 
     def _pipelines_of(self, profile: Profile | None) -> list[ViewPipeline]:
         """One pipeline per view, fastest first. Without views: one with everything."""
-        hz, now_s = self._settings.hz, clock.now_s()
+        hz, now_s = self._settings.hz, kit.now_s()
         if profile is None or not profile.views:
             stream = self._new_stream(profile) if profile else None
             return [ViewPipeline(PUBLIC, hz, stream, now_s)]
@@ -341,7 +337,7 @@ class Agent:
 
     def _snapshot(self, view: str) -> Snapshot | None:
         stream = self._pipeline_of(view).stream
-        return stream.make_snapshot(self._model, clock.now_s()) if stream else None
+        return stream.make_snapshot(self._model, kit.now_s()) if stream else None
 
     def _force_key(self, view: str) -> None:
         pipeline = self._pipeline_of(view)

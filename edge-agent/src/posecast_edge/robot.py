@@ -15,23 +15,29 @@ from typing import NoReturn, Protocol, TypeVar
 from posecast_wire.keys import check_name
 from posecast_wire.schema import CHANNELS_MAX, FIELD_NAME
 
-from posecast_edge import clock
+from posecast_edge import kit
 from posecast_edge.agent import Agent, AgentSettings
 from posecast_edge.background_agent import BackgroundAgent, NoProgressLine
+from posecast_edge.kit import quote
 from posecast_edge.model.robot_file import find_format
 from posecast_edge.model.serve.background import BackgroundBuild
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.model.urdf.resolver import list_package_folders
-from posecast_edge.profile.field_defaults import JOINT_FIELDS
+from posecast_edge.profile.defaults import JOINT_FIELDS
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import NOTHING, explain_time, read_time
-from posecast_edge.sources.published.copier import SHOWN, Copied, ReadingsCopier, UnusableError, copy_base
-from posecast_edge.sources.published.problems import ProblemList
-from posecast_edge.sources.published.slot import PublishedSlot
+from posecast_edge.sources.published.checks import ProblemList
+from posecast_edge.sources.published.readings import (
+    SHOWN,
+    Copied,
+    PublishedSlot,
+    ReadingsCopier,
+    UnusableError,
+    copy_base,
+)
 from posecast_edge.sources.published.source import OF_PROFILE, PublishedSource
-from posecast_edge.uplink.arguments import check_endpoint, read_credential
-from posecast_edge.visible import quote
+from posecast_edge.uplink.credentials import check_endpoint, read_credential
 
 log = logging.getLogger("posecast_edge.robot")
 
@@ -222,7 +228,7 @@ class Robot:
             if self._closed or self._background.is_fork():
                 self._report_unheard()
                 return
-            now_s = clock.now_s()
+            now_s = kit.now_s()
             if wrong:
                 self._problems.add("publish() takes keyword arguments only: publish(pos=…)")
             copies: list[Copied] = []

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from posecast_edge.model.builder.raster import Vectors
-from posecast_edge.model.builder.thumbnail import FRONT_LEFT_ABOVE
+from posecast_edge.model.builder.thumbnail import FRONT_LEFT_ABOVE, Vectors
 
 DEMO, DRONE = "demo", "drone"
 

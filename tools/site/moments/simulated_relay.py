@@ -13,7 +13,7 @@ from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.stream import Frame, Stream
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Sample
-from posecast_edge.uplink.view_publisher import make_event_document
+from posecast_edge.uplink.publisher import make_event_document
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.core.policy import PUBLIC, Audience, Policy

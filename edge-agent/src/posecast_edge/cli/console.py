@@ -17,7 +17,7 @@ from typing import TextIO
 
 from posecast_wire.command_line.color import paint
 
-from posecast_edge.visible import make_visible
+from posecast_edge.kit import make_visible
 
 TTY_EVERY_S = 0.5
 PLAIN_EVERY_S = 5.0

@@ -10,12 +10,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from posecast_wire.mapping import JOINT, JointMap
 
+from posecast_edge.cli.source_stats import POSITION, WAIT_S, ChannelStats, SourceStats
+from posecast_edge.kit import many
 from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
 from posecast_edge.model.urdf.types import Joint, Urdf
-from posecast_edge.pipeline.source_stats import POSITION, WAIT_S, ChannelStats, SourceStats
-from posecast_edge.profile.field_defaults import guess_unit
+from posecast_edge.profile.defaults import guess_unit
 from posecast_edge.profile.types import FieldSpec, Profile
-from posecast_edge.visible import many
 
 MOVING = ("revolute", "continuous", "prismatic")
 SLACK = 0.02  # rad or m past a limit that is not reported: encoders and servos overshoot

@@ -15,15 +15,15 @@ from posecast_wire.command_line.standard_streams import open_closed_streams
 from posecast_wire.schema import SchemaError
 
 from posecast_edge.cli.console import Console
-from posecast_edge.cli.robot_flags import list_packages
+from posecast_edge.cli.flags import list_packages
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
+from posecast_edge.kit import make_visible
 from posecast_edge.model.robot_file import find_format
 from posecast_edge.model.serve.bundle import Bundle, ModelError, load_built, load_bundle
 from posecast_edge.profile.reader import ProfileError, load_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
-from posecast_edge.visible import make_visible
 
 if TYPE_CHECKING:
     from posecast_edge.model.serve.background import BackgroundBuild
@@ -133,7 +133,7 @@ def _run(settings: Settings, console: Console) -> int:
             source.take_joints(raw.joints)
     options = settings.list_model_options()
     if urdf and not built:
-        from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the same
+        from posecast_edge.model.serve.background import BackgroundBuild  # noqa: PLC0415 - the agent stays small without it
 
         if raw is None and isinstance(source, Discovering):
             source.expect_joints()
@@ -141,7 +141,7 @@ def _run(settings: Settings, console: Console) -> int:
         else:
             build = BackgroundBuild(urdf, raw, take_model, options)
     elif isinstance(source, Discovering) and not built:
-        from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the same
+        from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the agent stays small without it
 
         build = DescribedModel(packages, agent.set_model, agent.expect_model, options)
         source.send_urdf_to(build.take_urdf)

@@ -15,10 +15,11 @@ from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.command_line.progress_bar import ProgressBar, show_countdown
 
 from posecast_edge.cli.doctor import examine_source
-from posecast_edge.cli.number_flag import limit_number
-from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
+from posecast_edge.cli.flags import add_robot_flags, limit_number, list_packages
+from posecast_edge.cli.source_stats import WATCH_MAX_S, observe_source
+from posecast_edge.kit import many
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
-from posecast_edge.model.doctor.lost_files import find_lost_files
+from posecast_edge.model.doctor.meshes import find_lost_files
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import (
     SEVERITIES,
@@ -36,13 +37,11 @@ from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES, Urdf
-from posecast_edge.pipeline.source_stats import WATCH_MAX_S, observe_source
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
-from posecast_edge.visible import many
 
 DESCRIPTION = "robot_description"
 UP_AXIS_HELP = "apply or ignore the up axis that Collada meshes declare; auto: decide by what fits (auto)"
@@ -156,7 +155,7 @@ def _model(
     facts = lost = None
     try:
         from posecast_edge.model.builder.model_files import collect_facts, read_visual_files  # noqa: PLC0415 - an extra
-        from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - the same
+        from posecast_edge.model.builder.up_axis import settle_up_axis  # noqa: PLC0415 - of that extra
     except ImportError as e:
         lost = find_lost_files(urdf, Resolver(path, packages), robot.meshes)
         text = f"checked only that mesh files exist, not their contents: {_explain_missing(e)}"
@@ -239,8 +238,8 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any], program: str) ->
     """Print the result. Returns the exit status: 1 when every visual is a placeholder."""
     for finding in manifest.get("findings", []):
         if finding["severity"] != "hint":
-            said = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
-            _print_finding(sys.stderr, said, _name_lines(path))
+            shown = Finding(finding["severity"], finding["code"], finding["text"], finding.get("line"))
+            _print_finding(sys.stderr, shown, _name_lines(path))
     stand_ins = sum("placeholder" in v for v in manifest["visuals"])
     more = f", {many(stand_ins, 'placeholder')} among them" if stand_ins else ""
     links, visuals = many(len(manifest["links"]), "link"), many(len(manifest["visuals"]), "visual")

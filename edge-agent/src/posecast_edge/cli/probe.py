@@ -12,21 +12,21 @@ from pathlib import Path
 from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.command_line.progress_bar import show_countdown
 
-from posecast_edge.cli.number_flag import limit_number
+from posecast_edge.cli.flags import limit_number
+from posecast_edge.cli.source_stats import WAIT_S, WATCH_MAX_S, ChannelStats, SourceStats, observe_source
+from posecast_edge.kit import make_visible
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.serve.bundle import find_sliding
 from posecast_edge.model.urdf.reader import read_urdf
-from posecast_edge.pipeline.source_stats import WAIT_S, WATCH_MAX_S, ChannelStats, SourceStats, observe_source
-from posecast_edge.profile.field_defaults import find_usual_unit, guess_unit
+from posecast_edge.profile.defaults import find_usual_unit, guess_unit
 from posecast_edge.profile.reader import ProfileError, find_profile, load_profile
 from posecast_edge.profile.schema import mark_sliding
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering, Source, Tabular
 from posecast_edge.sources.registry import KINDS, find_defaults, open_source
-from posecast_edge.visible import make_visible
 
 log = logging.getLogger("posecast_edge")
 

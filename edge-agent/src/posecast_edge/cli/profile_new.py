@@ -15,12 +15,12 @@ from pathlib import Path
 
 from posecast_wire.command_line.parser import CommandParser
 
-from posecast_edge.cli.robot_flags import add_robot_flags, list_packages
+from posecast_edge.cli.flags import add_robot_flags, list_packages
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.model.urdf.types import Joint, Urdf
-from posecast_edge.profile.field_defaults import SLIDING
+from posecast_edge.profile.defaults import SLIDING
 from posecast_edge.profile.reader import ProfileError, parse_profile
 
 MOVING = ("revolute", "continuous", "prismatic")

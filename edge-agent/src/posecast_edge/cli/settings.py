@@ -12,15 +12,13 @@ from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.credential import Credential
 from posecast_wire.keys import check_name
 
-from posecast_edge.cli.number_flag import limit_number
-from posecast_edge.cli.robot_flags import add_robot_flags, parse_folders, parse_xacro_argument
+from posecast_edge.cli.flags import add_robot_flags, limit_number, parse_folders, parse_xacro_argument
+from posecast_edge.kit import quote
 from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES
 from posecast_edge.profile.reader import find_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import KINDS, split_spec
-from posecast_edge.uplink.arguments import check_endpoint, read_credential
-from posecast_edge.uplink.certificate import Certificate
-from posecast_edge.visible import quote
+from posecast_edge.uplink.credentials import Certificate, check_endpoint, read_credential
 
 T = TypeVar("T")
 

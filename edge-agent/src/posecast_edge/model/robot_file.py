@@ -77,8 +77,8 @@ def load_robot_file(
 
 
 def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, str]) -> RobotFile:
-    from posecast_edge.model.sdf.reader import read_sdf  # noqa: PLC0415 - the same
-    from posecast_edge.model.xacro.expander import expand_xacro  # noqa: PLC0415 - the same
+    from posecast_edge.model.sdf.reader import read_sdf  # noqa: PLC0415 - the agent stays small without it
+    from posecast_edge.model.xacro.expander import expand_xacro  # noqa: PLC0415 - the agent stays small without it
 
     try:
         expanded = expand_xacro(path, packages, arguments)

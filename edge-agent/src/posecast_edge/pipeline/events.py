@@ -66,21 +66,21 @@ Values = Sequence[float | None]
 class _Bits:
     """Watches the masks of one field."""
 
-    def __init__(self, field: Field, told: Sequence[tuple[int, str, str]]) -> None:
+    def __init__(self, field: Field, named_bits: Sequence[tuple[int, str, str]]) -> None:
         self.name = field.name
         self._labels = field.labels
-        self._told = told  # mask, name, level
-        self._all = sum(mask for mask, _, _ in told)
+        self._named_bits = named_bits  # mask, name, level
+        self._all = sum(mask for mask, _, _ in named_bits)
         self._newest: Values = ()
         self._known: list[float | None] = [0] * field.size  # the newest reading of each
 
     def carry_over(self, old: _Bits) -> None:
         """Take over the state of `old`, label by label and bit by bit."""
-        own = {name: mask for mask, name, _ in self._told}
+        own = {name: mask for mask, name, _ in self._named_bits}
         before = dict(zip(old._labels, old._known, strict=True))
         for i, label in enumerate(self._labels):
             mask = int(before.get(label) or 0)
-            self._known[i] = sum(own.get(name, 0) for bit, name, _ in old._told if mask & bit)
+            self._known[i] = sum(own.get(name, 0) for bit, name, _ in old._named_bits if mask & bit)
 
     def look(self, t_s: float, masks: Values) -> list[Event]:
         events: list[Event] = []
@@ -94,7 +94,7 @@ class _Bits:
             self._known[i] = mask
             changed = (int(mask) ^ int(before or 0)) & self._all
             if changed:
-                for bit, name, level in self._told:
+                for bit, name, level in self._named_bits:
                     if changed & bit:
                         events.append(Event(t_s, level, self._labels[i], name, bool(int(mask) & bit)))
         return events
@@ -219,9 +219,9 @@ def _list_watched(schema: Schema) -> list[_Bits | _Limits]:
     watched: list[_Bits | _Limits] = []
     for field in schema.fields:
         levels = [schema.mapping.find_severity(field.name, bit) for bit in field.bits]
-        told = [(1 << i, field.bits[i], level) for i, level in enumerate(levels) if level != "state"]
-        if told:
-            watched.append(_Bits(field, told))
+        named_bits = [(1 << i, field.bits[i], level) for i, level in enumerate(levels) if level != "state"]
+        if named_bits:
+            watched.append(_Bits(field, named_bits))
         thresholds = [schema.mapping.find_threshold(field.name, label) for label in field.labels]
         limits = [
             _Limit(i, label, field.unit, threshold)

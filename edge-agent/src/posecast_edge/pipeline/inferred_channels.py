@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 from posecast_wire.checked import TEXT_MAX, is_text
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX, FIELD_NAME, TEXT_BYTES_MAX, SchemaError
 
-from posecast_edge.profile.field_defaults import DIAG_BITS, JOINT_FIELDS
+from posecast_edge.kit import many, quote
+from posecast_edge.profile.defaults import DIAG_BITS, JOINT_FIELDS
 from posecast_edge.profile.schema import (
     DIAG,
     FLAGS,
@@ -29,7 +30,6 @@ from posecast_edge.profile.schema import (
 )
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample, SourceError, Values
-from posecast_edge.visible import many, quote
 
 GROW_EVERY_S = 1.0
 GROWTHS_MAX = 32  # additions to one field

@@ -1,8 +1,9 @@
-"""One view of a robot, from sample to frame: schema, layout, sampler, events and encoder. Does no I/O; time
-is an argument.
+"""One view of a robot, from sample to frame, in the order that a sample takes: flattener (one list in the
+schema's channel order), sampler (the newest at the sampling rate), and the stream with its schema, events and
+encoder. Does no I/O; time is an argument.
 
 The source's thread calls `deliver`, the network's threads call `make_snapshot`, and `tick` is called by one
-thread at a time. Times are seconds of clock.now_s(), except for robot time.
+thread at a time. Times are seconds of kit.now_s(), except for robot time.
 """
 
 from __future__ import annotations
@@ -10,23 +11,263 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import cast
+from operator import index
+from typing import NamedTuple, SupportsFloat, SupportsIndex, cast
 
 from posecast_wire.encoder import Encoder
 from posecast_wire.keys import Snapshot
 from posecast_wire.quantiser import Quantiser
-from posecast_wire.schema import Schema
+from posecast_wire.schema import CODE_MAX, Field, Schema
 
-from posecast_edge.part_log import PartLog
+from posecast_edge.kit import WORD_MAX, PartLog, make_visible, many, quote
 from posecast_edge.pipeline.events import Event, EventLimit, EventWatch
-from posecast_edge.pipeline.flattener import SampleFlattener
-from posecast_edge.pipeline.sampler import NEVER, LeftOver, Sampler
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import Profile
-from posecast_edge.sample import Sample
-from posecast_edge.visible import quote
+from posecast_edge.sample import Reading, Sample
+
+# --- flattener
+
+Flat = list[float | None]
+
+MAX_NAMED = 50  # unknown names that are logged; a source could invent names for ever
+_FLOATS = {float, type(None)}
+_INTS = {int, type(None)}
+
+
+class SampleFlattener:
+    """Turns the values of a sample, given by name or in order, into one list in the schema's channel order.
+    Knows the position of each label of each field. Not thread-safe: the source's thread uses it."""
+
+    def __init__(
+        self,
+        schema: Schema,
+        say: Callable[[str], None],
+        says_unknown: bool = True,
+        wrong: PartLog | None = None,
+    ) -> None:
+        """`says_unknown`: whether to log names that the schema lacks. `wrong`: where wrong values are named,
+        if other schemas of the same view have named some before."""
+        self._say = say
+        self._says_unknown = says_unknown
+        self._size = schema.size
+        self._fields = {f.name: f for f in schema.fields}
+        self._offsets = {f.name: {label: i for i, label in enumerate(f.labels)} for f in schema.fields}
+        self._masks = {f.name: {bit: 1 << i for i, bit in enumerate(f.bits)} for f in schema.fields}
+        self._largest = {f.name: CODE_MAX * f.scale for f in schema.fields}  # readings that have a code
+        self._good_masks: dict[str, Sequence[Reading]] = {}  # the newest of each field of bits
+        self._unknown: set[str] = set()
+        self._wrong = wrong or PartLog(say, "wrong values")
+
+    def flatten(self, sample: Sample) -> Flat:
+        """Values in channel order, None where the sample has no usable reading. Lists of bit names become an
+        integer mask.
+
+        A value that does not fit the schema, or is too large for it, is named once and becomes "no reading";
+        values are never shifted, cut or guessed.
+        """
+        flat: Flat = [None] * self._size
+        for name, values in sample.values.items():
+            field = self._fields.get(name)
+            if field is None:
+                self._unknown_name("field", name, sample)
+            elif isinstance(values, Mapping):
+                flat[field.start : field.start + field.size] = self._by_label(field, values, sample)
+            elif len(values) != field.size:
+                given = many(len(values), "value")
+                self._complain(sample, name, f"has {given}, {field.size} expected")
+            else:
+                flat[field.start : field.start + field.size] = self._in_order(field, values, sample)
+        return flat
+
+    def _in_order(self, field: Field, values: Sequence[Reading], sample: Sample) -> Flat:
+        if values is self._good_masks.get(field.name):
+            return list(values)  # type: ignore[arg-type]  # most sources hand out the same masks again
+        # handle the common cases without checking each value: sources may run at 200 Hz
+        kinds = set(map(type, values))
+        if not field.bits and kinds <= _FLOATS:
+            return self.drop_too_large(field, cast("Sequence[float | None]", values), sample)
+        if field.bits and kinds <= _INTS:
+            masks = [v for v in cast("Sequence[int | None]", values) if v is not None]
+            if not masks or (min(masks) >= 0 and max(masks) < 1 << len(field.bits)):
+                self._good_masks[field.name] = values
+                return cast(Flat, list(values))
+        return [self._number(field, v, i, sample) for i, v in enumerate(values)]
+
+    def drop_too_large(self, field: Field, values: Sequence[float | None], sample: Sample) -> Flat:
+        """The values of a field, None for those that are too large for its codes: a code at the end of the
+        range would look like a reading."""
+        most = self._largest[field.name]
+        if field.bits or all(v is None or -most <= v <= most for v in values):
+            return list(values)
+        return [self._number(field, v, i, sample) for i, v in enumerate(values)]
+
+    def _by_label(self, field: Field, values: Mapping[str, Reading], sample: Sample) -> Flat:
+        offsets, is_number = self._offsets[field.name], not field.bits
+        most = self._largest[field.name]
+        flat: Flat = [None] * field.size
+        for label, value in values.items():
+            i = offsets.get(label)
+            if i is None:
+                self._unknown_name(f"label of {field.name}", label, sample)
+            elif is_number and type(value) is float and -most <= value <= most:
+                flat[i] = value
+            else:
+                flat[i] = self._number(field, value, i, sample)
+        return flat
+
+    def _number(self, field: Field, value: object, i: int, sample: Sample) -> float | None:
+        if value is None:
+            return None
+        if isinstance(value, bool):  # Python treats it as a number, but its author did not mean one
+            pass
+        elif field.bits:
+            if isinstance(value, (list, tuple)):
+                return self._mask(field, value, i, sample)
+            if isinstance(value, (int, SupportsIndex)) and 0 <= (mask := index(value)) < 1 << len(field.bits):
+                return mask
+        elif isinstance(value, (float, int, SupportsFloat)):  # includes NumPy scalars, excludes strings
+            with suppress(OverflowError):
+                number, most = float(value), self._largest[field.name]
+                if not most < abs(number) < math.inf:
+                    return number
+                self._complain(
+                    sample, _channel(field, i), f"is {number:g}, beyond ±{most:g} {field.unit}".rstrip()
+                )
+                return None
+        wanted = "a list or mask of its bits" if field.bits else "a number"
+        self._complain(sample, _channel(field, i), f"is {quote(value, 40)}, not {wanted}")
+        return None
+
+    def _mask(self, field: Field, names: Sequence[object], i: int, sample: Sample) -> int:
+        masks = self._masks[field.name]
+        mask = 0
+        for name in names:
+            bit = masks.get(name) if isinstance(name, str) else None
+            if bit is not None:
+                mask |= bit
+            elif isinstance(name, str):
+                self._unknown_name(f"bit of {field.name}", name, sample)
+            else:
+                self._complain(sample, _channel(field, i), f"has {quote(name, 40)}, not the name of a bit")
+        return mask
+
+    def _complain(self, sample: Sample, part: str, text: str) -> None:
+        kind = text.rpartition(", ")[2]  # what it should be; the value before differs each time
+        text = f"{part} {text}"
+        self._wrong.add(f"{part}, {kind}", f"{sample.where}: {text}" if sample.where else text)
+
+    def _unknown_name(self, what: str, name: str, sample: Sample) -> None:
+        if not self._says_unknown or len(self._unknown) >= MAX_NAMED:
+            return
+        key = f"{what} {name}"
+        if key in self._unknown:
+            return
+        self._unknown.add(key)
+        more = "; further unknown names are not logged" if len(self._unknown) == MAX_NAMED else ""
+        where = f"{sample.where}: " if sample.where else ""
+        self._say(f"{where}unknown {what} {quote(name)} is ignored{more}")
+
+
+def _channel(field: Field, i: int) -> str:
+    return make_visible(f"{field.name}.{field.labels[i]}", WORD_MAX)
+
+
+# --- sampler
+
+Offered = Sequence[float | None] | Callable[[], Sequence[float | None]]
+CONFIRM_S = 0.5  # how often unchanged codes are sent again
+NEVER = -math.inf
+
+
+@dataclass(frozen=True)
+class Due:
+    """A frame to encode. `codes`: all channels in the schema's order; `t_s`: robot clock; `force_key`: the
+    frame must be a KEY; `taken_s`: when the sample was read from the source. Times are seconds."""
+
+    codes: list[int]
+    t_s: float
+    force_key: bool
+    taken_s: float
+
+
+class LeftOver(NamedTuple):
+    """A sample that was never sent. `number`: its position among all samples."""
+
+    number: int
+    t_s: float
+    values: Sequence[float | None]
+
+
+class Sampler:
+    """Keeps the newest sample and hands it out as codes at the sampling rate. This is the only place where
+    samples of a source faster than the ticks are dropped.
+
+    `offer` and `force_key` may be called from other threads than `tick`.
+    """
+
+    def __init__(self, quantiser: Quantiser) -> None:
+        self._quantiser = quantiser
+        # Other threads only replace these two, and ticks remember which they have seen, so no lock is needed.
+        self._newest: tuple[int, float, Offered, float] = (0, 0.0, (), NEVER)
+        self._force = 1
+        self._seen_sample = self._sent_sample = 0
+        self._seen_force = 0
+        self._codes: list[int] | None = None  # of the last frame
+        self._sent_s = 0.0
+
+    def offer(self, t_s: float, values: Offered, taken_s: float) -> None:
+        """Replace the held sample. `values`: in channel order, or a function that returns them; `t_s`: robot
+        time, and `taken_s`: when it came from the source, both in seconds."""
+        self._newest = (self._newest[0] + 1, t_s, values, taken_s)
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the newest sample has not been sent yet."""
+        return self._newest[0] != self._seen_sample
+
+    def find_unsent(self, oldest_s: float) -> LeftOver | None:
+        """The newest sample, if it was never sent and was taken before `oldest_s`; otherwise None."""
+        number, t_s, values, taken_s = self._newest
+        if number == self._sent_sample or taken_s >= oldest_s:
+            return None
+        return LeftOver(number, t_s, values() if callable(values) else values)
+
+    def skip_sample(self) -> None:
+        """Drop the newest sample, which can't be sent, and wait for the next."""
+        self._seen_sample = self._newest[0]
+
+    def force_key(self) -> None:
+        """Make the next frame a KEY and send it even if nothing has changed, provided the source still
+        delivers samples."""
+        self._force += 1
+
+    def tick(self, now_s: float, oldest_s: float = NEVER) -> Due | None:
+        """What to send now. None without a new sample or while the codes do not change; unchanged codes are
+        still sent every CONFIRM_S. Time and sequence number are not compared.
+
+        A sample taken before `oldest_s` is not sent, because viewers would mistake it for a new one.
+        """
+        number, t_s, values, taken_s = self._newest
+        force = self._force
+        if number == self._seen_sample:
+            return None
+        if taken_s < oldest_s:
+            self._seen_sample = number
+            return None
+        codes = self._quantiser.quantise(values() if callable(values) else values)
+        force_key = force != self._seen_force
+        if not force_key and codes == self._codes and now_s - self._sent_s < CONFIRM_S:
+            return None
+        self._seen_sample = self._sent_sample = number
+        self._seen_force = force
+        self._codes, self._sent_s = codes, now_s
+        return Due(codes, t_s, force_key, taken_s)
+
+
+# --- stream
 
 INFO_MAX = 64  # texts kept of a robot; further names are ignored
 INFO_BYTES = 12_000  # of all of them together: a relay refuses much more
@@ -71,7 +312,7 @@ class Stream:
         self._picture: tuple[int, bytes] | None = None  # number of the sample, its KEY
         self._info: dict[str, str] = {}
         self._info_bytes = 0
-        self._said: Mapping[str, str] = {}  # texts of the newest sample that had some
+        self._newest_info: Mapping[str, str] = {}  # texts of the newest sample that had some
         self._too_much = PartLog(say, "texts too many")
         self._texts = profile.info  # None: all
         self._seq = -1  # of the newest frame
@@ -140,8 +381,8 @@ class Stream:
             return self._limit.admit(events, now_s) if events else events
 
     def _take_info(self, sample: Sample) -> None:
-        said, self._said = self._said, sample.info
-        if sample.info == said:  # the common case
+        last_info, self._newest_info = self._newest_info, sample.info
+        if sample.info == last_info:  # the common case
             return
         for name, text in sample.info.items():
             before = self._info.get(name)
@@ -152,7 +393,7 @@ class Stream:
             if size <= INFO_BYTES and (before is not None or len(self._info) < INFO_MAX):
                 self._info, self._info_bytes = {**self._info, name: text}, size
                 continue
-            if said.get(name) == text:  # left out before
+            if last_info.get(name) == text:  # left out before
                 continue
             where = f"{sample.where}: " if sample.where else ""
             most = f"{INFO_MAX} texts, {INFO_BYTES} bytes in all"

@@ -10,7 +10,7 @@ from posecast_wire.mapping import JOINT, BalanceRule, SensorMount, Sentence, Thr
 from posecast_wire.mapping import Mapping as Meaning
 from posecast_wire.schema import BITS_MAX, build_schema_text
 
-from posecast_edge.profile.field_defaults import (
+from posecast_edge.profile.defaults import (
     DIAG_BITS,
     FLAG_BITS,
     PLAIN,

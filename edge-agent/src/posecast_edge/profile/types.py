@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from posecast_wire.mapping import JOINT, BalanceRule
+from posecast_wire.mapping import JOINT, BalanceRule, SensorMount
 from posecast_wire.mapping import Mapping as Meaning
 
 PUBLIC = "public"
@@ -138,6 +138,62 @@ def _stand_on_links(m: Meaning, sites: Collection[str]) -> BalanceRule:
     named = [*(rule.feet or ()), *rule.soles]
     if all(foot in sites for foot in named if foot in m.sensors):
         return rule
-    link_of = {foot: m.sensors[foot].link or foot if foot in m.sensors else foot for foot in named}
+    link_of = {foot: find_foot_link(foot, m.sensors) for foot in named}
     feet = None if rule.feet is None else tuple(dict.fromkeys(link_of[foot] for foot in rule.feet))
     return BalanceRule(feet, "lowest", {link_of[foot]: corners for foot, corners in rule.soles.items()})
+
+
+def find_foot_link(foot: str, sensors: Mapping[str, SensorMount]) -> str:
+    """The link of a foot: its sensor's link, otherwise the foot's own name."""
+    return (sensors[foot].link or foot) if foot in sensors else foot
+
+
+def find_unknown_feet(meaning: Meaning, links: Collection[str]) -> dict[str, str]:
+    """The feet of [balance] that a model with these links lacks → the missing link: the sensor's link,
+    otherwise the foot's own name."""
+    rule = meaning.balance
+    link_of = {foot: find_foot_link(foot, meaning.sensors) for foot in (*(rule.feet or ()), *rule.soles)}
+    return {foot: link for foot, link in link_of.items() if link not in links}
+
+
+# --- columns of a trajectory file
+
+
+class Columns:
+    """Looks up the field and channel of columns, in time independent of the number of channels."""
+
+    def __init__(self, fields: Sequence[FieldSpec]) -> None:
+        joints = [f for name in ("ref", "pos") for f in fields if f.name == name and f.label_set == JOINT]
+        self._joints = (
+            {label: (joints[0].name, i) for i, label in enumerate(joints[0].labels)} if joints else {}
+        )
+        self._channels: dict[str, dict[str, int | None]] = {}
+        for f in fields:
+            if f.name not in self._channels:
+                self._channels[f.name] = _endings(f.labels)
+
+    def find(self, column: str) -> tuple[str, int] | None:
+        """The (field, channel index) of the column with this name, or None. A joint's name means its channel
+        in `ref` (in `pos` if the profile has no `ref`); `FIELD.LABEL` means that field.
+
+        In a field with one site the component is enough: `baseq.w` means `base.w` in `baseq`.
+        """
+        if column in self._joints:
+            return self._joints[column]
+        name, _, rest = column.partition(".")
+        channel = self._channels.get(name, {}).get(rest)
+        return None if channel is None else (name, channel)
+
+
+def _endings(labels: Sequence[str]) -> dict[str, int | None]:
+    """Label, or its part after the site → its channel; None where it is ambiguous."""
+    found: dict[str, int | None] = {}
+    for i, label in enumerate(labels):
+        for ending in {label, label.partition(".")[2]}:
+            found[ending] = None if ending in found else i
+    return found
+
+
+def find_column(fields: Sequence[FieldSpec], column: str) -> tuple[str, int] | None:
+    """Look up a single column; see Columns.find."""
+    return Columns(fields).find(column)

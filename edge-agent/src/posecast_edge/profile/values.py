@@ -12,8 +12,8 @@ from posecast_wire.checked import SCRIPT_MARKS, UNSEEN
 from posecast_wire.mapping import Xyz
 from posecast_wire.toml_lines import find_line, index_lines
 
-from posecast_edge.profile.field_defaults import UNITS
-from posecast_edge.visible import make_visible, quote
+from posecast_edge.kit import make_visible, quote
+from posecast_edge.profile.defaults import UNITS
 
 WHERE_MAX = 120  # characters
 REASON_MAX = 400
@@ -55,14 +55,14 @@ class Values:
         except RecursionError:  # nested too deep
             line = None
         place = self.file if line is None else f"{self.file}:{line}"
-        said = f"{place}: {make_visible(where, WHERE_MAX)}: {make_visible(reason, REASON_MAX)}"
-        raise ProfileError(said, path)
+        message = f"{place}: {make_visible(where, WHERE_MAX)}: {make_visible(reason, REASON_MAX)}"
+        raise ProfileError(message, path)
 
     def _path(self, where: str) -> str:
         """Convert `fields.pos.unit`, as in messages, to `fields[1].unit`, as in the file."""
-        for said, meant in self.field_paths.items():
-            if where == said or where.startswith((f"{said}.", f"{said}[")):
-                return meant + where[len(said) :]
+        for shown, path in self.field_paths.items():
+            if where == shown or where.startswith((f"{shown}.", f"{shown}[")):
+                return path + where[len(shown) :]
         return where
 
     def check_table(self, value: object, where: str, keys: Sequence[str] | None = None) -> dict[str, Any]:

@@ -23,12 +23,11 @@ from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from posecast_edge import clock
-from posecast_edge.part_log import PartLog, kind_of
+from posecast_edge import kit
+from posecast_edge.kit import PartLog, kind_of, make_visible
 from posecast_edge.sample import Sample, SourceError, explain_time, read_time
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.sites import has_lists, split_lists
-from posecast_edge.visible import make_visible
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -81,7 +80,7 @@ class JsonlSource:
         self._name = name
         self._paced = stat.S_ISREG(os.fstat(fd).st_mode)
         self._started = False
-        self._start_s = 0.0  # clock.now_s() when the file's clock was 0
+        self._start_s = 0.0  # kit.now_s() when the file's clock was 0
         self._bad = PartLog(log.warning, "bad lines")
         self._lines = LineSplitter(MAX_LINE)
         self._too_large_s = -math.inf  # when a line was too large
@@ -94,7 +93,7 @@ class JsonlSource:
     @property
     def trouble(self) -> str:
         """The text shown to viewers while lines are too long."""
-        return TOO_LARGE if clock.now_s() - self._too_large_s < TROUBLE_S else ""
+        return TOO_LARGE if kit.now_s() - self._too_large_s < TROUBLE_S else ""
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver every valid line until the end or `stop`. Raises SourceError when reading fails."""
@@ -113,7 +112,7 @@ class JsonlSource:
     def _take(self, line: bytes, deliver: Deliver, stop: threading.Event) -> None:
         if not line or line.isspace():
             return
-        where, now_s = f"{self._name} line {self._number}", clock.now_s()
+        where, now_s = f"{self._name} line {self._number}", kit.now_s()
         try:
             sample, wrong = parse_line(line, now_s, where)
         except LineError as e:
@@ -140,7 +139,7 @@ class JsonlSource:
     def _is_newest(self) -> bool:
         """Whether the waiting sample is the newest. A writer that was blocked because nobody read continues
         with old lines; so after a stall, a moment of silence must show that it has caught up."""
-        now_s = clock.now_s()
+        now_s = kit.now_s()
         if not self._readable(QUIET_S if self._stalled else 0.0):
             self._behind_s, self._stalled = None, False
             return True
@@ -155,7 +154,7 @@ class JsonlSource:
         """Some bytes; b"" at the end; None when nothing arrived for a while. Uses raw reads, because a thread
         that waits in sys.stdin holds a lock that the interpreter needs to exit."""
         readable = self._readable(POLL_S)
-        before_s, self._looked_s = self._looked_s, clock.now_s()
+        before_s, self._looked_s = self._looked_s, kit.now_s()
         if before_s is not None and self._looked_s - before_s > STALL_S:
             self._stalled = True
         if not readable:
@@ -174,7 +173,7 @@ class JsonlSource:
 
     def _wait(self, t_s: float, stop: threading.Event) -> None:
         """Wait until `t_s` on the file's clock. If that clock jumps, continue from its new time."""
-        now_s = clock.now_s()
+        now_s = kit.now_s()
         ahead_s = self._start_s + t_s - now_s
         if not self._started or not -MAX_PAUSE_S <= ahead_s <= MAX_PAUSE_S:
             self._started, self._start_s, ahead_s = True, now_s - t_s, 0.0

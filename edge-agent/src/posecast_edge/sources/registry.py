@@ -3,7 +3,8 @@
 A kind is a module with two functions:
 
 * `open_source(address, profile) -> Source`: `address` is the text after `KIND:` ("" if there is none); raises
-  `SourceError` with one line when the address or the profile does not fit.
+  `SourceError` with one line when the address or the profile does not fit. A module of several kinds has one
+  for each, which the table names.
 * `find_defaults(address) -> Defaults` (optional): the kind's own profile and model, used if none is given.
 """
 
@@ -22,13 +23,13 @@ from posecast_edge.sources.base import Defaults, Source
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
 
-# kind → its module below posecast_edge.sources
+# kind → its module below posecast_edge.sources, and after a colon the function that opens it
 KINDS: Mapping[str, str] = MappingProxyType(
     {
         "jsonl": "jsonl",
         "csv": "files.csv",
-        "mcap": "files.mcap",
-        "bag": "files.bag",
+        "mcap": "files.ros_recording:open_mcap",
+        "bag": "files.ros_recording:open_bag",
         "trajectory": "files.trajectory",
         "mujoco": "mujoco.source",
         "demo": "demo",
@@ -39,8 +40,8 @@ KINDS: Mapping[str, str] = MappingProxyType(
 )
 
 
-class _Kind(Protocol):
-    def open_source(self, address: str, profile: Profile | None) -> Source: ...
+class _Open(Protocol):
+    def __call__(self, address: str, profile: Profile | None) -> Source: ...
 
 
 def split_spec(spec: str) -> tuple[str, str]:
@@ -54,7 +55,7 @@ def split_spec(spec: str) -> tuple[str, str]:
 
 def _module(kind: str) -> ModuleType:
     """Load a kind only when needed: it may import packages that the others don't need."""
-    return importlib.import_module(f"posecast_edge.sources.{KINDS[kind]}")
+    return importlib.import_module(f"posecast_edge.sources.{KINDS[kind].partition(':')[0]}")
 
 
 def find_defaults(spec: str) -> Defaults:
@@ -69,4 +70,5 @@ def open_source(spec: str, profile: Profile | None) -> Source:
     """Open `KIND[:ADDRESS]`. Raises SourceError (one line) when the kind is unknown or the address can't be
     opened."""
     kind, address = split_spec(spec)
-    return cast(_Kind, _module(kind)).open_source(address, profile)
+    opening = KINDS[kind].partition(":")[2] or "open_source"
+    return cast(_Open, getattr(_module(kind), opening))(address, profile)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
+from posecast_edge.kit import quote
 from posecast_edge.sample import WORDS
-from posecast_edge.visible import quote
 
 # field of a sensor → the parts of its list
 PARTS = {

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import socket
-from typing import NamedTuple
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple
 
 import zenoh
 from posecast_wire.credential import Credential
 
-from posecast_edge.uplink.certificate import Certificate
-from posecast_edge.uplink.knock import WEB, is_http, is_tls, knock
-from posecast_edge.uplink.session_config import make_zenoh_config
+from posecast_edge.uplink.credentials import Certificate
+from posecast_edge.uplink.session import make_zenoh_config
+
+if TYPE_CHECKING:
+    import ssl
 
 PATIENCE_S = 2.0
 SILENT = "accepts connections but sends nothing: does it hang, or is it still starting?"
@@ -57,14 +60,11 @@ def diagnose_link(relay: str, credential: Credential | Certificate | None) -> Di
     try:
         with socket.create_connection((host, int(port)), PATIENCE_S) as plain:
             if scheme == "tls":
-                # imports ssl, 5 MB that an agent must not load just because the link is down
-                from posecast_edge.uplink.diagnosis_tls import NO_TLS, shake_hands  # noqa: PLC0415
-
                 wrong, alert = shake_hands(plain, host, credential)
                 if wrong == NO_TLS and _is_web(host, int(port)):
                     wrong = WEB
             else:
-                wrong = _explain_answer(knock(plain), address)
+                wrong = _explain_answer(probe_port(plain), address)
     except (OSError, UnicodeError):  # UnicodeError: an invalid host name
         return Diagnosis("does not answer")
     if wrong is not None:
@@ -89,7 +89,7 @@ def _takes_anybody(relay: str) -> bool:
 def _is_web(host: str, port: int) -> bool:
     """Whether a web server without TLS listens there."""
     with socket.create_connection((host, port), PATIENCE_S) as plain:
-        return is_http(knock(plain))
+        return is_http(probe_port(plain))
 
 
 def _explain_answer(answer: bytes | None, address: str) -> str | None:
@@ -112,3 +112,95 @@ def _refusal(credential: Credential | Certificate | None, alert: str | None) -> 
     if isinstance(credential, Certificate):
         return "answers, but refuses this robot: " + CREDENTIAL + " instead of a certificate?"
     return f"refuses {credential.robot!r}: its credential is wrong, expired or revoked"
+
+
+# --- what listens there: Zenoh, a web server, TLS, or nothing
+
+PROBE = bytes(2)  # an empty batch: Zenoh answers by closing, and the relay does not count a refusal
+ANSWER_BYTES = 8  # enough to tell HTTP and TLS from Zenoh
+HTTP, TLS_ALERT = b"HTTP/", b"\x15\x03"
+
+WEB = (
+    "is the port of a web page: use the relay's port for robots, 7447 by default; the relay prints it when "
+    "it starts"
+)
+
+
+def probe_port(link: socket.socket) -> bytes | None:
+    """The first bytes of the answer; b"" when the other side closes the connection; None when nothing arrives
+    before the socket's timeout (the OS accepts connections even for a stopped process). Raises ssl.SSLError
+    when the other side of a TLS link sends an alert."""
+    try:
+        link.sendall(PROBE)
+        return link.recv(ANSWER_BYTES)
+    except TimeoutError:
+        return None
+    except ConnectionError:  # an answer, too
+        return b""
+
+
+def is_http(answer: bytes | None) -> bool:
+    """Whether a web server sent this answer."""
+    return answer is not None and answer.startswith(HTTP)
+
+
+def is_tls(answer: bytes | None) -> bool:
+    """Whether a server that requires TLS sent this answer."""
+    return answer is not None and answer.startswith(TLS_ALERT)
+
+
+# --- TLS. The module ssl takes 5 MB, which an agent must not load just because the link is down: so only
+# these functions import it
+
+NO_TLS = "does not speak TLS: is it a tcp/… endpoint?"
+ALERT_S = 1.0  # in TLS 1.3, the relay rejects our certificate only after the handshake
+
+
+def shake_hands(
+    plain: socket.socket, host: str, credential: Credential | Certificate | None
+) -> tuple[str | None, str | None]:
+    """Try a TLS handshake on a connected socket. Returns (what is wrong with the relay's TLS, why the relay
+    rejects our certificate), each None if fine. Raises OSError when the relay does not answer."""
+    import ssl  # noqa: PLC0415
+
+    try:
+        with _trust(credential).wrap_socket(plain, server_hostname=host) as link:
+            return _hear(link)
+    except ssl.SSLCertVerificationError as e:
+        return f"has a certificate that can't be trusted: {e.verify_message.lower()}", None
+    except ssl.SSLError:
+        return NO_TLS, None
+
+
+def _hear(link: ssl.SSLSocket) -> tuple[str | None, str | None]:
+    """Like shake_hands, for an established link. An alert is returned in TLS's own words."""
+    import ssl  # noqa: PLC0415
+
+    link.settimeout(ALERT_S)
+    try:
+        link.recv(1)  # read first: if the relay closed on data from us, its alert could be lost
+    except TimeoutError:  # it waits for our data
+        with suppress(OSError):
+            return (WEB if is_http(probe_port(link)) else None), None
+    except ssl.SSLError as e:
+        _, alert, words = (e.reason or "").partition("ALERT_")
+        return None, words.replace("_", " ").lower() if alert else None
+    except OSError:  # it closed the connection
+        pass
+    return None, None
+
+
+def _trust(credential: Credential | Certificate | None) -> ssl.SSLContext:
+    import ssl  # noqa: PLC0415
+
+    if isinstance(credential, Certificate):
+        context = ssl.create_default_context(cafile=credential.ca)
+        with suppress(OSError):  # the files were valid when the agent started
+            context.load_cert_chain(credential.chain, credential.key, password="")
+        return context
+    if credential is None or credential.ca is None:
+        return ssl.create_default_context()
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    with suppress(ssl.SSLError):  # then nothing is trusted, which the handshake reports
+        context.load_verify_locations(cadata=credential.ca)
+    return context

@@ -10,11 +10,9 @@ from collections import deque
 import zenoh
 from posecast_wire.keys import model_key
 
-from posecast_edge.exception_log import ExceptionLog
+from posecast_edge.kit import ExceptionLog, TokenBucket, make_visible
 from posecast_edge.model.serve.bundle import RANGE_MAX, Bundle
-from posecast_edge.token_bucket import TokenBucket
-from posecast_edge.uplink.run import Run
-from posecast_edge.visible import make_visible
+from posecast_edge.uplink.session import Run
 
 WAITING_MAX = 64  # questions; a relay asks for a few at a time
 BYTES_S = 16e6  # the rate for repeated requests;

@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.builder.inertials import make_inertials
 from posecast_edge.model.builder.lod import Body, Level, LodSettings, PaintedLods, Placed, make_level
 from posecast_edge.model.builder.manifest import (
     VERSION,
@@ -30,6 +29,7 @@ from posecast_edge.model.builder.soles import find_soles
 from posecast_edge.model.builder.thumbnail import draw_thumbnail, encode_png
 from posecast_edge.model.builder.up_axis import settle_up_axis
 from posecast_edge.model.builder.visuals import Appearance, Figure, Visual, build_figure
+from posecast_edge.model.doctor.masses import has_impossible_masses
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import Finding, ModelRefused, quote_name
 from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion, quaternion_from_rpy
@@ -38,8 +38,8 @@ from posecast_edge.model.meshes.texture import compute_mean_colour
 from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.reader import NAME_MAX
 from posecast_edge.model.urdf.resolver import URI_MAX, Resolver
-from posecast_edge.model.urdf.tree import build_tree
-from posecast_edge.model.urdf.types import AUTO
+from posecast_edge.model.urdf.tree import Tree, build_tree
+from posecast_edge.model.urdf.types import AUTO, Inertial
 
 Vectors = NDArray[np.float64]
 Triangles = tuple[Vectors, Vectors, Vectors]  # corners and normals (m, 3, 3), display colours (m, 3)
@@ -273,3 +273,42 @@ def collect_triangles(
             colour = compute_display_colour(figure.looks[visual.looks].skins[skin][1])
             colours.append(np.tile(colour, (len(faces), 1)))
     return np.concatenate(corners), np.concatenate(normals), np.concatenate(colours)
+
+
+# --- the manifest's member inertials: the mass of each link, in the link's frame
+
+
+def make_inertials(tree: Tree, findings: Collection[Finding]) -> list[dict[str, Any]]:
+    """An entry for each link that has a mass, in the links' order; [] if one of the findings reports an
+    impossible mass."""
+    if has_impossible_masses(findings):
+        return []
+    return [
+        {
+            "link": number,
+            "mass_kg": _round(link.inertial.mass),
+            "xyz": [_round(v) for v in link.inertial.pose.xyz],
+            "inertia": [_round(v) for v in turn_inertia(link.inertial)],
+        }
+        for number, link in enumerate(tree.links)
+        if link.inertial is not None and link.inertial.mass > 0
+    ]
+
+
+def turn_inertia(inertial: Inertial) -> tuple[float, ...]:
+    """The inertia about the centre of mass as ixx, ixy, ixz, iyy, iyz, izz in the link's axes, kg·m²."""
+    if inertial.pose.rpy == (0.0, 0.0, 0.0):
+        return inertial.inertia
+    turn = matrix_from_quaternion((0.0, 0.0, 0.0), quaternion_from_rpy(inertial.pose.rpy))
+    xx, xy, xz, yy, yz, zz = inertial.inertia
+    own = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+
+    def at(i: int, j: int) -> float:
+        return sum(turn[i][k] * own[k][m] * turn[j][m] for k in range(3) for m in range(3))
+
+    return (at(0, 0), at(0, 1), at(0, 2), at(1, 1), at(1, 2), at(2, 2))
+
+
+def _round(value: float) -> float:
+    """Seven significant digits, more than can be measured, without negative zero."""
+    return float(f"{value:.7g}") + 0.0

@@ -9,8 +9,7 @@ from pathlib import Path
 from posecast_edge.model.doctor.meshes import MeshFacts
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.mesh import Mesh, turn_upright
-from posecast_edge.model.meshes.reader import read_mesh
-from posecast_edge.model.meshes.side_files import SideFiles
+from posecast_edge.model.meshes.reader import SideFiles, read_mesh
 from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.types import find_material

@@ -141,8 +141,8 @@ def compute_area(corners: Sequence[tuple[float, float]]) -> float:
 
 def _express(corners: Sequence[tuple[float, float]], height: float, pose: Vectors) -> list[list[float]]:
     """Corners at a height in the root link, in the link of that pose."""
-    told = []
+    found = []
     for x, y in corners:
         ways = [value - float(pose[i, 3]) for i, value in enumerate((x, y, height))]
-        told.append([round(sum(float(pose[k, i]) * ways[k] for k in range(3)), 5) + 0.0 for i in range(3)])
-    return told
+        found.append([round(sum(float(pose[k, i]) * ways[k] for k in range(3)), 5) + 0.0 for i in range(3)])
+    return found

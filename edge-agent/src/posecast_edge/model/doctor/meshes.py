@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product as corners_of
 
-from posecast_edge.model.finding import Finding, quote_name
+from posecast_edge.model.finding import Finding, ModelRefused, quote_name
 from posecast_edge.model.kinematics import Matrix, matrix_from_quaternion, multiply, quaternion_from_rpy
-from posecast_edge.model.urdf.resolver import REFUSALS
+from posecast_edge.model.urdf.resolver import REFUSALS, Resolver
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import Geometry, Shape, Urdf, Vector, find_material
 
@@ -107,17 +107,17 @@ def _textures(
     urdf: Urdf, shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]
 ) -> Iterator[Finding]:
     """Pictures that the URDF names and that can't be shown."""
-    told: set[str] = set()
+    reported: set[str] = set()
     for name, shape in shapes:
         material = find_material(shape, urdf.materials)
         if material is None or not material.texture:
             continue
         lost = facts.get(material.texture)
         if lost is not None and lost.reason is not None:
-            if material.texture not in told:
+            if material.texture not in reported:
                 text = f"texture {quote_name(material.texture)} of link {quote_name(name)}: {lost.reason}"
                 yield Finding("error", "texture-missing", text, material.line)
-            told.add(material.texture)
+            reported.add(material.texture)
             continue
         fact = facts.get(shape.geometry.uri) if shape.geometry is not None else None
         if fact is not None and fact.reason is None and not fact.has_uv:
@@ -194,3 +194,30 @@ def compute_shape_box(
         x, y, z = radius, radius, radius if half is None else geometry.dims[1] / 2 + half
     x, y, z = (abs(half * factor) for half, factor in zip((x, y, z), geometry.scale, strict=True))
     return (-x, -y, -z), (x, y, z)
+
+
+# --- missing files. Opens none, so it needs no mesh tools
+
+FILES_MAX = 1000
+
+
+def find_lost_files(urdf: Urdf, resolver: Resolver, inline: Collection[str] = ()) -> dict[str, MeshFacts]:
+    """The meshes and pictures of visuals that can't be found, by URI, with the reason. `inline`: URIs of
+    meshes that need no file. Looks for at most FILES_MAX files."""
+    uris: dict[str, None] = {}
+    for link in urdf.links:
+        for shape in link.visuals:
+            material = find_material(shape, urdf.materials)
+            if shape.geometry is not None and shape.geometry.uri:
+                uris[shape.geometry.uri] = None
+            if material is not None and material.texture:
+                uris[material.texture] = None
+    lost: dict[str, MeshFacts] = {}
+    for uri in list(uris)[:FILES_MAX]:
+        if uri in inline:
+            continue
+        try:
+            resolver.find_file(uri)
+        except ModelRefused as e:
+            lost[uri] = MeshFacts(uri, e.reason)
+    return lost

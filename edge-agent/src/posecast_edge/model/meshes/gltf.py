@@ -41,8 +41,8 @@ def read_gltf(data: bytes, load: Load, pictures: Pictures | None = None) -> Mesh
         reader = _Reader(document, binary, load, pictures or Pictures(), len(data))
         return Mesh(tuple(reader.surfaces()), reader.notes.list_entries())
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as e:
-        said = make_printable(f"{type(e).__name__} {str(e)[:60]}")
-        raise ModelRefused(f"its glTF is broken: {said}") from None
+        reason = make_printable(f"{type(e).__name__} {str(e)[:60]}")
+        raise ModelRefused(f"its glTF is broken: {reason}") from None
 
 
 def _json(text: bytes) -> dict[str, Any]:

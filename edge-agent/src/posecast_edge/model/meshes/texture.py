@@ -154,5 +154,5 @@ def _reading() -> Iterator[None]:
     except ModelRefused:
         raise
     except Exception as e:
-        said = make_printable(str(e)[:60])
-        raise ModelRefused(f"not a readable picture: {said or type(e).__name__}") from None
+        reason = make_printable(str(e)[:60])
+        raise ModelRefused(f"not a readable picture: {reason or type(e).__name__}") from None

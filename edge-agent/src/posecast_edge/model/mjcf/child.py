@@ -17,7 +17,7 @@ SECONDS_MAX = 60.0  # to load, by the clock
 CPU_S = 20  # of the processor; large robots take two
 ASKED_MAX = 2 << 30  # bytes that the process may ask for
 ANSWER_MAX = 256 << 20  # bytes that it may write
-SAID_MAX = 1 << 16  # bytes of its last output that are read
+OUTPUT_MAX = 1 << 16  # bytes of its last output that are read
 # fewer threads leave more memory for the model; freed memory is returned to the system
 LEAN = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_TRIM_THRESHOLD_": "65536", "MALLOC_MMAP_THRESHOLD_": "65536"}
 REFUSED = 1  # exit status after reporting a reason
@@ -42,9 +42,9 @@ def run_child(module: str, arguments: Sequence[str], answer: IO[bytes] | None, s
     except subprocess.TimeoutExpired:
         raise ModelRefused(f"not loaded within {seconds_max:g} s") from None
     if tried.returncode:
-        said = tried.stderr[-SAID_MAX:].decode("utf-8", "replace").strip().rpartition("\n")[2]
-        if tried.returncode == REFUSED and said:
-            raise ModelRefused(said)
+        refusal = tried.stderr[-OUTPUT_MAX:].decode("utf-8", "replace").strip().rpartition("\n")[2]
+        if tried.returncode == REFUSED and refusal:
+            raise ModelRefused(refusal)
         if tried.returncode == -signal.SIGXCPU:
             raise ModelRefused(f"not loaded within {CPU_S} s of CPU time")
         raise ModelRefused(f"MuJoCo crashed on it ({tried.returncode})")

@@ -32,7 +32,7 @@ mujoco.set_mju_user_warning(lambda _text: None)
 # otherwise it keeps a copy of every mesh, to compile the same model again
 mujoco.mj_setCacheCapacity(mujoco.mj_getCache(), 0)
 
-SAID_MAX = 300  # characters of what MuJoCo says
+MESSAGE_MAX = 300  # characters of what MuJoCo says
 LINE = re.compile(r"\bline (\d{1,9})\b")
 WRAPPING = re.compile(r"^(?:XML )?(?:Error: )+|,? (?:id \d+, )?line \d+$")  # around the words proper
 QUOTED = re.compile(r"'([^']{1,1000})'")
@@ -58,22 +58,22 @@ def make_spec(files: ModelFiles) -> tuple[Any, Any]:
 def explain_failure(error: BaseException, files: ModelFiles, asset: str = "") -> ModelRefused:
     """MuJoCo's message as one line, with the line in the file and what to do. `asset`: the mesh or texture
     that was read, with its file; "" for the model itself."""
-    said = make_printable(" ".join(str(error).split())[:SAID_MAX]) or type(error).__name__
+    message = make_printable(" ".join(str(error).split())[:MESSAGE_MAX]) or type(error).__name__
     head = f"{asset}: " if asset else ""
     if isinstance(error, MemoryError):
         return ModelRefused(f"{head}needs more memory than is allowed")
-    found = LINE.search(said)
+    found = LINE.search(message)
     line = int(found[1]) if found and int(found[1]) else None
-    if UNKNOWN in said.lower():
+    if UNKNOWN in message.lower():
         what = asset or f"file {quote_name(PurePosixPath(files.main).name)}, or one that it names"
         advice = SAVE_AGAIN if asset else TAKE_APART
         return ModelRefused(f"{what}: MuJoCo failed without a reason: {advice}", line)
-    for name in QUOTED.findall(said):
+    for name in QUOTED.findall(message):
         for wanted, reason in files.refused.items():
             if PurePosixPath(wanted).name == PurePosixPath(name.replace("\\", "/")).name:
-                return ModelRefused(f"file '{make_printable(wanted[:SAID_MAX])}': {reason}", line)
-    advice = next((text for words, text in ADVICE.items() if words in said), SAVE_AGAIN if asset else "")
-    words = WRAPPING.sub("", said)
+                return ModelRefused(f"file '{make_printable(wanted[:MESSAGE_MAX])}': {reason}", line)
+    advice = next((text for words, text in ADVICE.items() if words in message), SAVE_AGAIN if asset else "")
+    words = WRAPPING.sub("", message)
     words = ELEMENT.sub("", words) if asset else words.replace(" Element ", "; element ")
     return ModelRefused(f"{head}MuJoCo: {words}{f': {advice}' if advice else ''}", line)
 

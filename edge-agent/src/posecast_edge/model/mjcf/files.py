@@ -31,7 +31,7 @@ NAMED = re.compile(
 
 @dataclass
 class ModelFiles:
-    """`main`: the model's path as MuJoCo is told it; `contents`: of each file, by the path that MuJoCo asks
+    """`main`: the model's path that MuJoCo is given; `contents`: of each file, by the path that MuJoCo asks
     for; `inputs`: the real paths of all that was read; `refused`: why a file that the model names was not
     read, by its name."""
 

@@ -48,7 +48,7 @@ def load_mjcf(path: Path, packages: Sequence[Path] = ()) -> RobotFile:
 
 
 def _read_refusal(refused: ModelRefused) -> ModelRefused:
-    """What the compiling process said, which is JSON when the process was well."""
+    """The output of the compiling process, which is JSON when the process was well."""
     try:
         line, reason = json.loads(refused.reason)
         return ModelRefused(make_printable(str(reason)), None if line is None else int(line))
@@ -117,7 +117,7 @@ def _sensors(model: CompiledModel, links: dict[int, str]) -> Iterator[Sensor]:
     """Those on sites, each site and kind once, by the names that the source `mujoco` gives them."""
     from posecast_edge.model.mjcf.bodies import normalise_quaternion, pose_from_matrix  # noqa: PLC0415 - numpy
 
-    told: set[tuple[int, str]] = set()
+    known: set[tuple[int, str]] = set()
     for kind, of, site in zip(
         model["sensor_type"].tolist(),
         model["sensor_objtype"].tolist(),
@@ -125,9 +125,9 @@ def _sensors(model: CompiledModel, links: dict[int, str]) -> Iterator[Sensor]:
         strict=True,
     ):
         word = SENSOR_KINDS.get(kind)
-        if word is None or of != SITE or (site, word) in told:
+        if word is None or of != SITE or (site, word) in known:
             continue
-        told.add((site, word))
+        known.add((site, word))
         link = links.get(int(model["site_bodyid"][site]))
         if link is not None:
             quat = normalise_quaternion(model["site_quat"][site])

@@ -30,8 +30,8 @@ class SdfValues:
         values = parse_floats(element.text)
         if values is None or len(values) != count or not all(map(math.isfinite, values)):
             many = "a number" if count == 1 else f"{count} numbers"
-            said = quote_name(element.text.strip(), 40)
-            self.note("error", "number", f"{what}: <{element.tag}> needs {many}: {said}", element)
+            shown = quote_name(element.text.strip(), 40)
+            self.note("error", "number", f"{what}: <{element.tag}> needs {many}: {shown}", element)
             return None
         return values
 

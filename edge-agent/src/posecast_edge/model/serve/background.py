@@ -138,12 +138,12 @@ class BackgroundBuild:
             with contextlib.suppress(OSError):  # it has ended already
                 os.setpriority(os.PRIO_PROCESS, process.pid, NICE)
             try:
-                _, said = process.communicate(timeout=BUILD_MAX_S)
+                _, output = process.communicate(timeout=BUILD_MAX_S)
             except subprocess.TimeoutExpired:
                 process.kill()
                 raise
         if process.returncode not in WRITTEN:
-            last = said.strip().rpartition("\n")[2] or f"exit status {process.returncode}"
+            last = output.strip().rpartition("\n")[2] or f"exit status {process.returncode}"
             raise ModelError(last.removeprefix("posecast-edge: "))
         return load_built(out)
 

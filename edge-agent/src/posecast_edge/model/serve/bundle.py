@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from posecast_edge.model.doctor.lost_files import find_lost_files
+from posecast_edge.model.doctor.meshes import find_lost_files
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import Finding, ModelRefused, make_printable
 from posecast_edge.model.kinematics import VARIABLES, list_variables

@@ -428,7 +428,7 @@ def _configured(file: Path) -> str:
 
 
 def _spellings(folder: Path) -> dict[str, str]:
-    """Names in a folder, by the same without upper case; of several the first in the alphabet."""
+    """Names in a folder, by their spelling in lower case; of several the first in the alphabet."""
     try:
         with os.scandir(folder) as entries:
             few = [e.name for _, e in zip(range(ENTRIES_MAX), entries, strict=False)]

@@ -85,15 +85,15 @@ def _ask(asked: bytes) -> Mapping[str, Any]:
             process.stdin.close()
         except BrokenPipeError:
             pass  # its exit status tells why
-        said = bytearray()
-        while len(said) <= ANSWER_MAX and (chunk := process.stdout.read(CHUNK)):
-            said += chunk
-        if len(said) > ANSWER_MAX:
+        output = bytearray()
+        while len(output) <= ANSWER_MAX and (chunk := process.stdout.read(CHUNK)):
+            output += chunk
+        if len(output) > ANSWER_MAX:
             process.kill()
-    if len(said) > ANSWER_MAX:
+    if len(output) > ANSWER_MAX:
         raise ModelRefused(f"xacro: it expands to more than {TEXT_MAX >> 20} MiB")
     try:
-        answer = json.loads(said)
+        answer = json.loads(output)
     except ValueError:
         answer = None
     if not isinstance(answer, dict):

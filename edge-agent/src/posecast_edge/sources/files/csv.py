@@ -1,12 +1,11 @@
 """Source `csv:PATH`: a table of a robot's readings, one row per instant; playback.py plays it.
 
-The first row names the columns: csv_columns.py finds their meaning, csv_clock.py the robot's clock.
-A profile's [csv] renames columns; "-" leaves one out. Separators are commas, semicolons or tabs, the last two
-also with decimal commas. The text is UTF-8, or UTF-16 with a byte order mark. An empty or missing cell is no
-reading, as are `nan`, `NA`, `null` and the like. Flags are masks, or names separated by spaces or, as
-Posecast writes them, by `|`. A column of texts or of an unknown unit is left out. What is invalid is named
-once: a cell counts as no reading, a row is skipped. If the clock stands still, rows are played at ROWS_HZ.
-"""
+The first row names the columns; one of them is the robot's clock. A profile's [csv] renames columns; "-"
+leaves one out. Separators are commas, semicolons or tabs, the last two also with decimal commas. The text is
+UTF-8, or UTF-16 with a byte order mark. An empty or missing cell is no reading, as are `nan`, `NA`, `null`
+and the like. Flags are masks, or names separated by spaces or, as Posecast writes them, by `|`. A column of
+texts or of an unknown unit is left out. What is invalid is named once: a cell counts as no reading, a row is
+skipped. If the clock stands still, rows are played at ROWS_HZ."""
 
 from __future__ import annotations
 
@@ -16,27 +15,22 @@ import itertools
 import logging
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from posecast_wire.command_line.installation import name_edge_command
 
-from posecast_edge.part_log import PartLog, kind_of
+from posecast_edge.kit import PartLog, kind_of, make_visible, many
+from posecast_edge.profile.defaults import UNITS, WELL_KNOWN
 from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
-from posecast_edge.sources.files.csv_clock import TableClock, find_clock
-from posecast_edge.sources.files.csv_columns import (
-    INFO,
-    UNKNOWN_UNIT,
-    ColumnMeaning,
-    interpret_column,
-    match_joint_name,
-)
 from posecast_edge.sources.files.playback import EndlessLine, Playback, Player, parse_playback, skip_line
-from posecast_edge.visible import make_visible, many
+from posecast_edge.sources.ros.messages import make_site_name
+from posecast_edge.sources.ros.topics import COMMAND
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -409,3 +403,235 @@ class Table:
 
     def _column(self, i: int) -> str:
         return f"column {i + 1}, {make_visible(self._written[i], NAME_SHOWN)}"
+
+
+# --- what a column means
+
+TO_OURS = {"deg": math.pi / 180, "deg/s": math.pi / 180, "mm": 1e-3, "mA": 1e-3, "mV": 1e-3}
+INFO = "info"
+UNKNOWN_UNIT = "unknown unit"
+JOINTS = "pos"
+MEMBERS = {"position": "pos", "velocity": "vel", "effort": "effort"}
+ARRAY = re.compile(r"(name|position|velocity|effort)(?:\[(\d{1,4})\]|[._]?(\d{1,4}))")
+ENDING = re.compile(r"(.+)[._](position|velocity|effort)")
+COUNTER = re.compile(r"index|unnamed: \d+|(?:.*[/.])?header[/.]seq", re.IGNORECASE)
+HEADER = re.compile(r"(?:.*[/.])?header[/.](?:stamp|frame_id).*")
+# the last parts of a name → field, prefix of the component's letter
+VECTORS: Mapping[tuple[str, ...], tuple[str, str]] = {
+    ("pose", "position"): ("base", ""),
+    ("pose", "orientation"): ("baseq", ""),
+    ("orientation",): ("quat", ""),
+    ("angular_velocity",): ("gyro", ""),
+    ("linear_acceleration",): ("acc", ""),
+    ("wrench", "force"): ("ftf", "f"),
+    ("wrench", "torque"): ("ftm", "m"),
+}
+BATTERY = {"voltage": ("volt", 1.0), "current": ("amp", 1.0), "percentage": ("charge", 100.0)}
+KIND_OF = {"quat": "imu", "gyro": "imu", "acc": "imu", "ftf": "wrench", "ftm": "wrench"}
+
+
+@dataclass(frozen=True)
+class ColumnMeaning:
+    """The field and label that a column belongs to. `gain`: factor from the column's unit to the field's;
+    `unit`: as written in the name."""
+
+    field: str
+    label: str
+    gain: float = 1.0
+    unit: str = ""
+
+
+def split_unit(name: str) -> tuple[str, str | None]:
+    """Split `name [unit]` into name and unit; None without a unit. The index in `name[3]` is not a unit."""
+    at = name.find("[", name.rfind("]", 0, len(name) - 1) + 1)
+    unit = name[at + 1 : -1].strip()
+    if at < 0 or not name.endswith("]") or unit.isdigit():
+        return name, None
+    return name[:at].rstrip(), unit
+
+
+def match_joint_name(name: str) -> tuple[str, int] | None:
+    """The message and index of a column that holds a joint's name, such as /joint_states/name[3]."""
+    parts, _ = _parted(name)
+    found = ARRAY.fullmatch(parts[-1])
+    return ("/".join(parts[:-1]), _index(found)) if found and found[1] == "name" else None
+
+
+def interpret_column(
+    name: str, joints: Mapping[tuple[str, int], str], known: Collection[tuple[str, str]]
+) -> ColumnMeaning | str:
+    """The meaning of the column with this name, as common programs write it; or the reason why it is left
+    out.
+
+        LABEL, FIELD.LABEL, info.NAME           our own names
+        LABEL.velocity, LABEL_velocity          a joint and its quantity; also position, effort
+        /joint_states/LABEL/velocity            PlotJuggler
+        /joint_states/velocity[3]               PlotJuggler, rqt; the joint's name from /joint_states/name[3]
+        field.velocity3                         `rostopic echo -p`; the name from field.name3
+        velocity_3, wrench.force.x              bagpy
+        /imu/orientation/w, field.wrench.force.x, /odom/pose/pose/position/x, …   other messages
+
+    A unit in brackets may follow. A channel of the profile with exactly this name has priority.
+
+    `joints`: names by message and index; `known`: the (field, label) pairs of a profile.
+    """
+    if not name:
+        return "it has no name"
+    bare, unit = split_unit(name)
+    if unit is not None and unit not in TO_OURS and unit not in UNITS:
+        return f"{UNKNOWN_UNIT} {unit[:40]!r}; known: {', '.join(u for u in (*UNITS, *TO_OURS) if u)}"
+    if COUNTER.fullmatch(bare):
+        return "it counts rows"
+    if HEADER.fullmatch(bare):
+        return "it belongs to the message's header"
+    field, _, label = bare.partition(".")
+    if not label:
+        field, label = JOINTS, bare
+    gain, unit = TO_OURS.get(unit or "", 1.0), unit or ""
+    found = None if (field, label) in known or (JOINTS, bare) in known else _nested(bare, joints)
+    if isinstance(found, str):
+        return found
+    field, label, of_message = found or (field, label, 1.0)
+    return ColumnMeaning(field, label, gain * of_message, unit)
+
+
+def _nested(bare: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str, float] | str | None:
+    """Field, label, gain; or the reason to leave it out; None when it is not a nested name."""
+    parts, is_path = _parted(bare)
+    found = ARRAY.fullmatch(parts[-1]) if is_path or len(parts) == 1 else None
+    if found:
+        above = parts[:-1]
+        if found[1] == "name":
+            return "it names a joint"
+        label = joints.get(("/".join(above), _index(found))) or f"joint{_index(found)}"
+        return _field(found[1], above), label, 1.0
+    if is_path and len(parts) > 1 and parts[-1] in MEMBERS:
+        return _field(parts[-1], parts[:-2]), parts[-2], 1.0
+    message = parts if is_path else bare.split(".")
+    of_message = _member(message, is_path)
+    if of_message is not None or bare.startswith(("/", "field.")):
+        return of_message or "this kind of column is not supported"
+    ending = ENDING.fullmatch(bare)
+    if ending and not is_path and ending[1] not in WELL_KNOWN:
+        return MEMBERS[ending[2]], ending[1], 1.0
+    return None
+
+
+def _member(parts: Sequence[str], is_path: bool) -> tuple[str, str, float] | None:
+    """A component of a sensor's message."""
+    if len(parts) > 1 and parts[-1] in ("x", "y", "z", "w"):
+        for ending, (field, letter) in VECTORS.items():
+            above = parts[: -1 - len(ending)]
+            if tuple(parts[-1 - len(ending) : -1]) == ending:
+                site = make_site_name("/".join(above)) or KIND_OF.get(field, "")
+                return field, f"{'base' if field.startswith('base') else site}.{letter}{parts[-1]}", 1.0
+    if is_path and parts[-1] in BATTERY and len(parts) < 4:
+        field, gain = BATTERY[parts[-1]]
+        return field, "main", gain
+    return None
+
+
+def _parted(bare: str) -> tuple[list[str], bool]:
+    """The parts of a nested name, and whether it is written as one."""
+    if bare.startswith("field."):
+        return bare.removeprefix("field.").split("."), True
+    return (bare.strip("/").split("/"), True) if "/" in bare.strip("/") else ([bare], bare.startswith("/"))
+
+
+def _index(found: re.Match[str]) -> int:
+    return int(found[2] or found[3])
+
+
+def _field(member: str, topic: Sequence[str]) -> str:
+    commanded = bool(topic) and COMMAND.fullmatch(topic[-1]) is not None
+    return "ref" if commanded and member == "position" else MEMBERS[member]
+
+
+# --- the clock
+
+CLOCK = re.compile(r"(?:__|%)?(?:t|time|timestamp|stamp|datetime)(?:_(s|ms|us|ns))?", re.IGNORECASE)
+STAMP = re.compile(r"(?:.*[/.])?header[/.]stamp")
+UNNAMED = re.compile(r"|index|date|unnamed: 0", re.IGNORECASE)  # where pandas writes a time
+UNIT = re.compile(r"(.*\S)\s*[\[(](s|ms|us|µs|ns)[\])]")
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+ISO = re.compile(
+    r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?\s?(?:(Z)|([+-])(\d\d):?(\d\d))?"
+)
+NUMBER = re.compile(r"[-+]?\d{1,30}(?:[.,]\d{0,30})?(?:[eE][-+]?\d{1,3})?")
+# time since 1970 is larger than this: in 1973 for seconds
+SINCE_1970 = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
+NO_TIME = 1e20  # three thousand years in nanoseconds
+STEPS = (("ns", 5e6), ("us", 5e3), ("ms", 5.0))  # from one row to the next, in that unit; a second is 1000 ms
+
+
+@dataclass(frozen=True)
+class TableClock:
+    """The column (counted from 0) and its unit, `iso` for ISO 8601. `guessed`: the reason for a guessed unit,
+    "" for one that the name states."""
+
+    index: int
+    unit: str
+    guessed: str = ""
+
+    def convert_cell(self, cell: str, number: float | None) -> float | None:
+        """The time in a cell, in seconds; None when it has none. `number`: the cell as a number."""
+        if self.unit == "iso":
+            return parse_iso_time(cell)
+        return None if number is None else number * SECONDS[self.unit]
+
+
+def find_clock(names: Sequence[str], rows: Sequence[Sequence[str]]) -> TableClock | None:
+    """The clock column of a table, and its unit; None if there is none. `rows`: the table's first rows.
+
+    The unit comes from the name (`t_ms`, `time [us]`), from the program that wrote it (`%time` of `rostopic
+    echo -p` is nanoseconds), or from the values: ISO 8601, or numbers as large as the time since 1970.
+    Otherwise it is seconds, unless the rows would then be too far apart.
+    """
+    for pattern, only_iso in ((CLOCK, False), (STAMP, False), (UNNAMED, True)):
+        for i, name in enumerate(names):
+            split = UNIT.fullmatch(name)
+            found = pattern.fullmatch(split[1] if split else name)
+            cells = [row[i] for row in rows if i < len(row) and row[i]]
+            is_iso = bool(cells) and parse_iso_time(cells[0]) is not None
+            if not found or (only_iso and not is_iso):
+                continue
+            if is_iso:
+                return TableClock(i, "iso")
+            unit = split[2] if split else found[1] if pattern is CLOCK else None
+            if unit or name.startswith("%"):
+                return TableClock(i, unit.lower() if unit else "ns")
+            return TableClock(i, *_guess_unit(cells))
+    return None
+
+
+def _guess_unit(cells: Sequence[str]) -> tuple[str, str]:
+    """The unit, and the reason for it; "" for seconds, the default."""
+    numbers = (float(cell.replace(",", ".")) for cell in cells if NUMBER.fullmatch(cell))
+    times = [number for number in numbers if abs(number) < NO_TIME]
+    for unit, least in SINCE_1970:
+        if times and min(map(abs, times)) >= least:
+            return unit, f"it starts at {times[0]:.4g}"
+    steps = sorted(b - a for a, b in itertools.pairwise(times) if b > a)
+    for unit, least in STEPS:
+        if len(steps) > 1 and steps[len(steps) // 2] >= least:
+            return unit, f"its rows are {steps[len(steps) // 2]:.4g} apart"
+    return "s", ""
+
+
+def parse_iso_time(cell: str) -> float | None:
+    """Parse `2026-11-23T10:00:00.123456789+01:00` to seconds since 1970; None for anything else. Without a
+    time zone it is UTC."""
+    found = ISO.fullmatch(cell)
+    if found is None:
+        return None
+    year, month, day, hour, minute, second = (int(part or 0) for part in found.groups()[:6])
+    try:
+        at = datetime(year, month, day, hour, minute, second, tzinfo=timezone.utc)
+    except ValueError:
+        return None
+    if found[9]:
+        ahead = timedelta(hours=int(found[10]), minutes=int(found[11]))
+        seconds = at.timestamp() - ahead.total_seconds() * (1 if found[9] == "+" else -1)
+    else:
+        seconds = at.timestamp()
+    return seconds + float(f"0.{found[7] or 0}")

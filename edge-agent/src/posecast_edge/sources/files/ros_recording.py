@@ -1,4 +1,5 @@
-"""Recordings of ROS topics: MCAP files, ROS 1 bags, ROS 2 bags (a folder, or one of its files). The format is
+"""Recordings of ROS topics. Source `mcap:PATH`: MCAP files, or the folder that `ros2 bag record` wrote.
+Source `bag:PATH`: a bag of ROS 1, or of ROS 2 (its folder or one file). Both names open either: the format is
 detected from the content. Needs the extra `mcap`; playback.py plays them.
 
 Reads JointState and the other types of ros/messages.py, in CDR, JSON or ROS 1's encoding. ros/topics.py maps
@@ -18,9 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 from posecast_wire.command_line.installation import advise_extra
 
-from posecast_edge.part_log import PartLog, kind_of
+from posecast_edge.kit import PartLog, kind_of
 from posecast_edge.sample import Sample, SourceError
-from posecast_edge.sources.files.playback import Playback, Player
+from posecast_edge.sources.base import Source
+from posecast_edge.sources.files.playback import Playback, Player, parse_playback
 from posecast_edge.sources.files.records import Complain, Record, RecordedMessage, RecordedTopic
 from posecast_edge.sources.ros.input import TOPICS_MAX
 from posecast_edge.sources.ros.merge import SETTLED_S, MessageMerger
@@ -59,6 +61,20 @@ MAGIC_BYTES = 16
 ZSTD = b"\x28\xb5\x2f\xfd"  # start of a compressed message or file; CDR starts with 0
 OF_BAG = re.compile(r".+\.(?:mcap|db3|bag)(?:\.zstd)?", re.IGNORECASE)
 DIGITS = re.compile(r"\d{1,18}")
+
+
+def open_mcap(address: str, profile: Profile | None) -> Source:
+    """Open the source `mcap`. Raises SourceError without a path, or when the path has no recording."""
+    return _open(parse_playback("mcap", address), profile)
+
+
+def open_bag(address: str, profile: Profile | None) -> Source:
+    """Open the source `bag`. Raises SourceError without a path, or when the path has no recording."""
+    return _open(parse_playback("bag", address), profile)
+
+
+def _open(playback: Playback, profile: Profile | None) -> Source:
+    return RosRecordingPlayer(RosRecording(playback.path, profile), playback)
 
 
 class RosRecordingPlayer(Player):

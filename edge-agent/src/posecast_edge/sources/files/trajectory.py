@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from posecast_edge.part_log import PartLog, kind_of
-from posecast_edge.profile.columns import find_column
+from posecast_edge.kit import PartLog, kind_of
+from posecast_edge.profile.types import find_column
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.files.playback import EndlessLine, skip_line

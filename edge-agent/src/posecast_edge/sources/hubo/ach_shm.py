@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import struct
 import threading
 import time
 from pathlib import Path
 
-from posecast_edge.sources.hubo.ach_channel import AchChannel, ChannelError
-from posecast_edge.sources.hubo.reconnecting import WAIT_S, PersistentReader
+from posecast_edge.sources.hubo.reconnecting import FRAME_MAX, KEPT_MAX, WAIT_S, PersistentReader, ReaderError
 from posecast_edge.sources.hubo.writer_clock import Aim, WriterClock
 
 # A channel can't wake a reader that takes no lock. So: look when the wanted frame should have been written,
@@ -95,3 +96,193 @@ class ShmReader(PersistentReader):
         if until_s > now_s:
             time.sleep(until_s - now_s)
             self._late_s = max(self._late_s * FORGET, time.monotonic() - until_s)
+
+
+# --- the channel
+
+MAGIC = 0xB07511F3
+# magic, len, name, index_cnt, data_size, data_head, data_free, index_head
+HEADER = struct.Struct("<I4xQ65s7xQQQQQ")
+HEADER_SIZE = 320  # with index_free, clock, mutex, condition variable, dirty, last_seq after the above
+INDEX_HEAD = struct.Struct("<Q")
+INDEX_HEAD_AT = 120
+ENTRY = struct.Struct("<QQQ")  # size, offset, seq; all zero: free
+GUARDS = (
+    0x1A2A3A4A5A6A7A8A,
+    0x1B2B3B4B5B6B7B8B,
+    0x1C2C3C4C5C6C7C8C,
+)  # before the index, before and after the data
+GUARD = struct.Struct("<Q")
+FRAMES_MAX = 1 << 12
+DATA_MAX = 1 << 30
+SPAN_MAX = 1 << 18  # bytes: frames within such a span are read at once, with the data between them
+Entry = tuple[int, int, int, int]  # its place in the index; size, offset and seq of its frame
+TRIES = 8  # looks at one frame; then the writer is too fast to follow
+
+
+class ChannelError(ReaderError):
+    """A file that is not an ACH channel of the known layout. One line, without the file's name."""
+
+
+class AchChannel:
+    """Reads an ACH channel in shared memory without disturbing the robot: takes no lock and writes nothing.
+
+    ACH's own readers hold a mutex while they copy, which delays the real-time loop that writes. The writer
+    clears the index entries of the frames it is about to overwrite *before* it copies. So if an entry is
+    unchanged after copying, the copied frame is whole. The file is read with pread(2): with a memory mapping,
+    shrinking the file would kill this process. One look takes three reads for any number of frames: the
+    index, the frames, and the index again. `save_frames` reads in the same way; its frames are evaluated
+    later.
+
+    Layout: ach 2.0 on x86-64 with glibc; the guards reveal any other layout, which is refused.
+
+    One open channel file. Not thread-safe.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Raises OSError when the file can't be read, ChannelError when it is not such a channel."""
+        # non-blocking: opening a FIFO would block for ever
+        self._fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        try:
+            self._check()
+        except BaseException:
+            os.close(self._fd)
+            raise
+        self.torn = 0  # reads that the writer crossed
+        self.seq = 0  # of the newest frame handed out, by the writer's count; 0: none yet
+        self._kept: list[tuple[bytes, bytes, bytes]] = []  # index, all frames, index again
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._fd)
+
+    def is_replaced(self, path: Path) -> bool:
+        """Whether `path` is now another file or none: the daemon has created its channels again."""
+        try:
+            there, here = os.stat(path), os.fstat(self._fd)
+        except OSError:
+            return True
+        return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
+
+    def save_frames(self) -> None:
+        """Copy the current frames for the next `read_new_frames`, before the writer overwrites them. Takes
+        only three reads, because the caller wakes up just for this. Does nothing for a large channel, which
+        keeps enough frames."""
+        if self._data_size <= SPAN_MAX:
+            head = self._head()
+            self._kept.append((head, os.pread(self._fd, self._data_size, self._data), self._head()))
+
+    def read_new_frames(self) -> list[bytes]:
+        """Frames written since the last call that still exist or were saved, oldest first, at most KEPT_MAX.
+        The first call returns only the newest. Leaves out current frames that the writer overwrites too
+        quickly.
+
+        Raises ChannelError when the channel's index stays inconsistent.
+        """
+        found: list[bytes] = []
+        kept, self._kept = self._kept, []
+        for head, data, after in kept:
+            entries = self._news(head)
+            if entries and self._inside(entries[0]):
+                found += self._whole(head, entries, _cut(data, entries, 0), after)
+        for _ in range(TRIES):
+            head = self._head()
+            entries = self._news(head)
+            if not entries:
+                return found[-KEPT_MAX:]
+            if self._inside(entries[0]):
+                frames = self._whole(head, entries, self._copy(entries), self._head())
+                if frames:
+                    return (found + frames)[-KEPT_MAX:]
+            else:
+                self.torn += 1
+        if not self._inside(entries[0]):
+            _, size, offset, _ = entries[0]
+            raise ChannelError(f"its index points at byte {offset}, {size} long, of {self._data_size}")
+        return found[-KEPT_MAX:]
+
+    def count_slots(self, size: int) -> int:
+        """How many frames of `size` bytes the channel can hold."""
+        return max(1, min(self._count, self._data_size // size))
+
+    def _news(self, head: bytes) -> list[Entry]:
+        """The newest frame and those before it that have not been handed out, newest first."""
+        last = (INDEX_HEAD.unpack_from(head, INDEX_HEAD_AT)[0] - 1) % self._count
+        place = self._index + last * ENTRY.size
+        size, offset, newest = ENTRY.unpack_from(head, place)
+        # A look during a lap may have seen a frame before its publication; then its predecessor is the newest
+        # now. A sequence number that fell further was restarted.
+        if newest == 0 or size == 0 or self.seq - self._count < newest <= self.seq:
+            return []
+        found = [(place, size, offset, newest)]
+        wanted = min(newest - self.seq, self._count, KEPT_MAX) if 0 < self.seq < newest else 1
+        for seq in range(newest - 1, newest - wanted, -1):
+            last = (last or self._count) - 1
+            place = self._index + last * ENTRY.size
+            entry = (place, *ENTRY.unpack_from(head, place))
+            if entry[3] != seq or entry[1] == 0 or not self._inside(entry):
+                break  # the writer has reached this frame; older ones are overwritten
+            found.append(entry)
+        return found
+
+    def _inside(self, entry: Entry) -> bool:
+        _, size, offset, _ = entry
+        return size <= FRAME_MAX and offset <= self._data_size - size
+
+    def _copy(self, entries: list[Entry]) -> list[bytes]:
+        """The frames of these entries as they are now, perhaps half written."""
+        low = min([offset for _, _, offset, _ in entries])
+        span = max([offset + size for _, size, offset, _ in entries]) - low
+        if span <= SPAN_MAX:
+            return _cut(os.pread(self._fd, span, self._data + low), entries, low)
+        return [os.pread(self._fd, size, self._data + offset) for _, size, offset, _ in entries]
+
+    def _whole(self, head: bytes, entries: list[Entry], frames: list[bytes], after: bytes) -> list[bytes]:
+        """Those of `frames` (newest first) that the writer did not touch between the two reads of the index,
+        oldest first; [] when it touched the newest."""
+        whole = 0
+        for (place, size, _, _), frame in zip(entries, frames, strict=True):
+            end = place + ENTRY.size
+            if after[place:end] != head[place:end] or len(frame) < size:
+                break
+            whole += 1
+        if whole:
+            self.seq = entries[0][3]
+        else:
+            self.torn += 1
+        return frames[:whole][::-1]
+
+    def _check(self) -> None:
+        head = os.pread(self._fd, HEADER_SIZE + GUARD.size, 0)
+        if len(head) < HEADER_SIZE + GUARD.size:
+            raise ChannelError(f"not an ACH channel: only {len(head)} bytes")
+        magic, length, _, frames, data_size, *_ = HEADER.unpack_from(head)
+        if magic != MAGIC:
+            raise ChannelError(f"not an ACH channel: it begins with {magic:#010x}")
+        if not 0 < frames <= FRAMES_MAX or not 0 < data_size <= DATA_MAX:
+            raise ChannelError("an ACH channel of another layout: its counts are invalid")
+        self._count: int = frames
+        self._data_size: int = data_size
+        self._index = HEADER_SIZE + GUARD.size
+        self._head_size = self._index + frames * ENTRY.size
+        self._data = self._head_size + GUARD.size
+        whole = self._data + data_size + GUARD.size
+        here = os.fstat(self._fd).st_size
+        if length != whole or here < whole:
+            raise ChannelError(f"an ACH channel of another layout: {here} bytes where {whole} are expected")
+        places = (HEADER_SIZE, self._data - GUARD.size, whole - GUARD.size)
+        for place, guard in zip(places, GUARDS, strict=True):
+            if os.pread(self._fd, GUARD.size, place) != GUARD.pack(guard):
+                raise ChannelError(f"an ACH channel of another layout: no guard at byte {place}")
+
+    def _head(self) -> bytes:
+        """Header and index as they are now, perhaps half written."""
+        head = os.pread(self._fd, self._head_size, 0)
+        if len(head) < self._head_size:
+            raise ChannelError("the channel has shrunk")
+        return head
+
+
+def _cut(data: bytes, entries: list[Entry], low: int) -> list[bytes]:
+    """The frames of these entries, where `data` begins at byte `low`."""
+    return [data[offset - low : offset - low + size] for _, size, offset, _ in entries]

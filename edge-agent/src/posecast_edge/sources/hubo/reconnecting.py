@@ -7,13 +7,11 @@ import threading
 import time
 from abc import ABC, abstractmethod
 
-from posecast_edge.rate_limited_log import RateLimitedLog
-from posecast_edge.sources.backoff import Backoff
+from posecast_edge.kit import SAY_EVERY_S, Backoff, RateLimitedLog
 
 log = logging.getLogger("posecast_edge.ach")
 
 WAIT_S = 0.2  # the longest time in one call
-SAY_EVERY_S = 10.0
 FRAME_MAX = 1 << 16  # bytes; a hubo-ach channel is made for 3,000. A longer one ends the connection
 KEPT_MAX = 64  # frames read at once; if there are more, only the newest ones are checked for faults
 

@@ -2,7 +2,7 @@
 
     hubo-ach:HOST[:PORT]   from another machine, through achd (port 8076)
     hubo-ach:shm           on the robot's own computer, from shared memory; takes no lock and writes nothing
-    hubo-ach:shm:PATH      the same with another path of the channel's file, for example in a container
+    hubo-ach:shm:PATH      from shared memory whose file has another path, for example in a container
 
 `--profile hubo2plus` or `--profile drchubo` selects the robot, because frames don't identify it. If the
 daemon's clock stops, the source counts as silent even if frames arrive.
@@ -18,13 +18,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from posecast_edge.rate_limited_log import RateLimitedLog
+from posecast_edge.kit import SAY_EVERY_S, RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.hubo.ach_shm import ShmReader, find_channel_path
 from posecast_edge.sources.hubo.achd import AchdReader
 from posecast_edge.sources.hubo.achd_protocol import PORT
-from posecast_edge.sources.hubo.reconnecting import SAY_EVERY_S, PersistentReader
+from posecast_edge.sources.hubo.reconnecting import PersistentReader
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 
 if TYPE_CHECKING:
@@ -62,10 +62,10 @@ class HuboAchSource:
         self._reader = reader
         self._decoder = HuboDecoder(profile)
         self._foreign = RateLimitedLog(log.warning, "foreign frames", SAY_EVERY_S)
-        self._told_unknown = False
+        self._reported_unknown = False
         self._t_s = float("nan")
         self._moved_s = 0.0  # when robot time last changed
-        self._told_still = False
+        self._reported_still = False
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver every frame whose time is new, until `stop`."""
@@ -95,14 +95,14 @@ class HuboAchSource:
         except UnknownFrame as e:
             self._foreign.add(f"{self._reader.name}: {e}", now_s)
             return None
-        if not self._told_unknown:
-            self._told_unknown = True
+        if not self._reported_unknown:
+            self._reported_unknown = True
             if self._decoder.unknown:
                 log.warning("hubo-ach has no reading for: %s", ", ".join(self._decoder.unknown))
         if t_s == self._t_s:
-            if not self._told_still and now_s - self._moved_s > STANDSTILL_S:
-                self._told_still = True
+            if not self._reported_still and now_s - self._moved_s > STANDSTILL_S:
+                self._reported_still = True
                 log.warning("%s: frames arrive, but robot time stays at %.3f s", self._reader.name, t_s)
             return None
-        self._t_s, self._moved_s, self._told_still = t_s, now_s, False
+        self._t_s, self._moved_s, self._reported_still = t_s, now_s, False
         return t_s, values

@@ -15,6 +15,7 @@ from xml.sax.saxutils import quoteattr
 
 import mujoco
 
+from posecast_edge.kit import SAY_EVERY_S, RateLimitedLog
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.mjcf.assets import FAILURES
 from posecast_edge.model.mjcf.bodies import find_base_joint
@@ -25,14 +26,12 @@ from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, 
 from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
-from posecast_edge.rate_limited_log import RateLimitedLog
 from posecast_edge.sample import Reading, Sample, SourceError
 
 log = logging.getLogger("posecast_edge.mujoco")
 # otherwise MuJoCo writes a file MUJOCO_LOG.TXT into the current folder
 mujoco.set_mju_user_warning(lambda text: log.debug("%s", text))
 
-SAY_EVERY_S = 10.0
 FILE_MAX = 64 << 20  # bytes
 STEP_S = (1e-5, 0.1)  # shortest and longest timestep
 ROTOR = 0.5  # the motor's inertia behind its gear, as a share of the inertia that the joint carries

@@ -74,7 +74,7 @@ class MujocoSource:
 
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver a sample every SAMPLE_S of simulated time until `stop`."""
-        began_s, told = time.monotonic(), False
+        began_s, is_reported = time.monotonic(), False
         while not stop.is_set():
             self._simulation.advance(SAMPLE_S)
             deliver(self._simulation.make_sample())
@@ -83,6 +83,6 @@ class MujocoSource:
                 stop.wait(ahead_s)
             elif -ahead_s > MAX_BEHIND_S:
                 began_s -= ahead_s
-                if not told:
-                    told = True
+                if not is_reported:
+                    is_reported = True
                     log.warning("%s: slower than real time on this machine", self.description)

@@ -22,8 +22,8 @@ def check_loads(path: Path) -> None:
     try:
         run_child("posecast_edge.sources.mujoco.trial", [str(path)], None, SECONDS_MAX)
     except ModelRefused as e:
-        said = e.reason
-        raise SourceError(said if said.startswith(f"{path}") else f"{path}: {said}"[:400]) from None
+        reason = e.reason
+        raise SourceError(reason if reason.startswith(f"{path}") else f"{path}: {reason}"[:400]) from None
 
 
 def main(path: Path) -> int:

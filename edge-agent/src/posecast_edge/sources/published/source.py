@@ -10,17 +10,15 @@ from collections.abc import Mapping, Sequence
 from posecast_wire.checked import is_text
 from posecast_wire.schema import CHANNELS_MAX
 
-from posecast_edge import clock
+from posecast_edge import kit
+from posecast_edge.kit import quote
 from posecast_edge.model.serve.bundle import Bundle
-from posecast_edge.profile.field_defaults import JOINT_FIELDS
+from posecast_edge.profile.defaults import JOINT_FIELDS
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.base import Deliver
-from posecast_edge.sources.published.clock_check import ClockCheck
-from posecast_edge.sources.published.model_check import ModelCheck
-from posecast_edge.sources.published.problems import ProblemList
-from posecast_edge.sources.published.slot import FLAGS, PublishedSlot, Readings, Taken
-from posecast_edge.visible import quote
+from posecast_edge.sources.published.checks import ClockCheck, ModelCheck, ProblemList
+from posecast_edge.sources.published.readings import FLAGS, PublishedSlot, Readings, Taken
 
 LOOK_S = 0.2  # the longest sleep; the end is noticed within it
 SETTLE_S = 0.5  # without a profile, wait for all readings: each later one gives viewers a new schema
@@ -68,7 +66,7 @@ class PublishedSource:
             if self._of_profile is None and first_s is None and not ended and self._slot.published:
                 first_s = time.monotonic()
                 self._sleep(first_s + SETTLE_S, stop)
-            taken = self._slot.take(clock.now_s())
+            taken = self._slot.take(kit.now_s())
             if taken:
                 self._clock.check_time(taken.t_s, time.monotonic())
             wanted_s = self._deliver(taken, deliver) if taken else None

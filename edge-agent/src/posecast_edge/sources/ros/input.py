@@ -1,4 +1,4 @@
-"""Common part of both ROS sources: takes discovered topics and their messages and makes samples.
+"""Common part of both live ROS sources: takes discovered topics and their messages and makes samples.
 
 Messages and samples belong to one thread; topics may be added by another.
 """
@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from posecast_edge.part_log import PartLog, kind_of
+from posecast_edge.kit import PartLog, kind_of
 from posecast_edge.sample import Sample
-from posecast_edge.sources.ros.merge import STREAM_S, MessageMerger
+from posecast_edge.sources.merge import STREAM_S
+from posecast_edge.sources.ros.merge import MessageMerger
 from posecast_edge.sources.ros.messages import (
     STRING,
     TF,
@@ -25,11 +26,11 @@ from posecast_edge.sources.ros.robot_frames import STATES_S, RobotFrames
 from posecast_edge.sources.ros.topics import STATIC, TOPIC_MAX, TYPES, Route, Routes
 
 if TYPE_CHECKING:
+    from posecast_edge.model.moving_joints import MovingJoint
     from posecast_edge.profile.types import Profile
 
 log = logging.getLogger("posecast_edge.ros")
 
-SAY_EVERY_S = 10.0
 TOPICS_MAX = 2000  # remembered; further topics are neither shown nor read
 NAMED_MAX = 8  # unsupported types that are logged; `probe` shows all
 
@@ -50,7 +51,7 @@ class RosInput:
         self._ignored: set[str] = set()  # types that were logged
         self._bad = PartLog(log.warning, "bad messages")
         self._urdf = ""
-        self._told_still = False
+        self._reported_still = False
 
     def add_topic(self, topic: str, type_name: str) -> Route | None:
         """Add a discovered topic and return how it is read, None if it is not read. `type_name`: short form.
@@ -127,9 +128,9 @@ class RosInput:
         sample = self._merge.make_sample(now_s)
         since_s = self._merge.stands_since_s
         if since_s is None:
-            self._told_still = False
-        elif not self._told_still and now_s - since_s > STREAM_S:
-            self._told_still = True
+            self._reported_still = False
+        elif not self._reported_still and now_s - since_s > STREAM_S:
+            self._reported_still = True
             log.warning("%s: messages arrive, but their timestamps do not change", self._name)
         return sample
 
@@ -154,3 +155,31 @@ class RosInput:
         self.frames.joints.set_description(urdf)
         if self.on_urdf is not None:
             self.on_urdf(urdf)
+
+
+class RosSource:
+    """The base of ROS sources. `intake` turns messages into samples."""
+
+    def __init__(self, intake: RosInput) -> None:
+        self._intake = intake
+
+    @property
+    def offers(self) -> list[str]:
+        """Lines for `probe` about the topics found."""
+        return self._intake.list_topics()
+
+    def send_urdf_to(self, take: Callable[[str], None]) -> None:
+        """Pass every new robot_description (URDF text) to `take`, in the source's thread."""
+        self._intake.on_urdf = take
+
+    def watch_frames(self) -> None:
+        """Read /tf even if no profile asks for it, so that `offers` can list its frames."""
+        self._intake.frames.watch()
+        self._intake.watch_frames()
+
+    def take_joints(self, joints: Sequence[MovingJoint]) -> None:
+        """Read these joints of the shown model from /tf if no joint states arrive."""
+        self._intake.frames.joints.set_joints(joints)
+
+    def expect_joints(self) -> None:
+        """Do nothing: a live source need not wait, since messages before `take_joints` would be outdated."""

@@ -1,32 +1,29 @@
 """Merges messages of many topics and publishers into one robot's samples. Pure: time is an argument.
 
-A reading is kept until it is replaced or expires, so the arm's publisher does not erase the leg's readings.
-The readings of a dead publisher expire after a while, so it never looks like a robot at rest. If two topics
-report the same channel, the first in alphabetical order is used (`/imu/data` before `/imu/data_raw`), so that
-values never alternate between the two.
+If two topics report the same channel, the first in alphabetical order is used (`/imu/data` before
+`/imu/data_raw`), so that values never alternate between the two.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 
+from posecast_edge.kit import make_visible
 from posecast_edge.sample import Reading, Sample
+from posecast_edge.sources.merge import STATE_S, STREAM_S, LatestReadings
 from posecast_edge.sources.ros.messages import JOINT_STATE, Report
-from posecast_edge.visible import make_visible
 
-STREAM_S = 1.5  # readings of a silent stream expire after this; the page shows STALE after the same time
-STATE_S = 60.0  # the same for readings that are published rarely or only when they change
 HOLD_S = 0.5  # a clock that advanced this recently is not set by another clock, nor set back
 SETTLE_S = 2.0  # without a profile, each later channel gives viewers a new schema: wait for all of them
-SETTLED_S = 0.5  # the same once everything expected has arrived
-STRANDS_MAX = 256  # publishers; beyond that, the one silent longest is dropped
-LABELS_MAX = 1 << 14  # of all publishers; beyond that, the same (the wire format has 4,096 channels)
+SETTLED_S = 0.5  # how long to wait once everything expected has arrived
+PUBLISHERS_MAX = 256  # combinations of a topic and its labels
 DOUBLES_MAX = 8  # pairs of topics with the same channel that are logged
 LEFT_OUT_MAX = 50  # parts of messages that are logged
 TEXTS_MAX = 256  # about; further names are ignored
 STREAMS = ("pos", "ref", "imu", "wrench", "base")
+
+Values = Mapping[str, Mapping[str, Reading]]  # of one message: field → label → reading
 
 
 class RobotClock:
@@ -52,23 +49,13 @@ class RobotClock:
         return True
 
 
-@dataclass
-class _Strand:
-    """The last readings of one publisher. `life_s`: how long they are valid."""
-
-    life_s: float
-    heard_s: float
-    values: Mapping[str, Mapping[str, Reading]] = field(default_factory=dict)
-
-
 class MessageMerger:
     """Merges the messages of one robot. `settled`: its channels are known in advance. `say` is called with
     lines about channels that two topics report, and about parts of messages that are left out."""
 
     def __init__(self, settled: bool, say: Callable[[str], None]) -> None:
         self._say = say
-        self._strands: dict[tuple[str, tuple[str, ...]], _Strand] = {}  # by topic and labels
-        self._labels = 0  # of all strands
+        self._last = LatestReadings[Values](PUBLISHERS_MAX)  # by topic
         self._clock = RobotClock()
         self._joints_s: float | None = None  # when positions last arrived
         self._began_s: float | None = None
@@ -83,7 +70,7 @@ class MessageMerger:
 
     def expect_topic(self, topic: str) -> None:
         """Make the first sample wait for this topic, at most SETTLE_S seconds."""
-        if len(self._expected) < STRANDS_MAX:
+        if len(self._expected) < PUBLISHERS_MAX:
             self._expected.setdefault(topic, False)
 
     def take_report(self, topic: str, role: str, type_name: str, report: Report, now_s: float) -> None:
@@ -91,25 +78,16 @@ class MessageMerger:
         if topic in self._expected:
             self._expected[topic] = True
         self.report_left_out(topic, report.left_out)
-        key = (topic, tuple(label for readings in report.values.values() for label in readings))
-        if key in self._strands:
-            self._drop(key)
-        else:
-            self._look_for_doubles(topic, report.values)
-        while self._strands and (
-            len(self._strands) >= STRANDS_MAX or self._labels + len(key[1]) > LABELS_MAX
-        ):
-            self._drop(next(iter(self._strands)))
-        self._labels += len(key[1])
+        labels = tuple(label for readings in report.values.values() for label in readings)
         stream = role in STREAMS and not (role == "ref" and type_name == JOINT_STATE)
-        # keep the order of arrival: the last heard comes last
         life_s = math.inf if report.lasts else STREAM_S if stream else STATE_S
-        self._strands[key] = _Strand(life_s, now_s, report.values)
-        for known, told in ((self._info, report.info), (self._links, report.links)):
+        if self._last.replace(topic, labels, report.values, life_s, now_s) is None:
+            self._look_for_doubles(topic, report.values)
+        for known, reported in ((self._info, report.info), (self._links, report.links)):
             if len(known) < TEXTS_MAX:
-                known.update(told)
+                known.update(reported)
             else:
-                known.update((name, text) for name, text in told.items() if name in known)
+                known.update((name, text) for name, text in reported.items() if name in known)
         if not self._drives(role, now_s):
             return
         if self._clock.advance(report.stamp_s, now_s):
@@ -119,8 +97,7 @@ class MessageMerger:
 
     def forget_topic(self, topic: str) -> None:
         """Drop the readings of this topic, because another topic reports them from now on."""
-        for key in [key for key in self._strands if key[0] == topic]:
-            self._drop(key)
+        self._last.forget(topic)
 
     def report_left_out(self, topic: str, left_out: Mapping[str, str]) -> None:
         """Report each part of a topic's messages that is left out once (see messages.Report)."""
@@ -136,18 +113,11 @@ class MessageMerger:
         if not self._news or not self._ready(now_s):
             return None
         self._news = False
-        old = [key for key, strand in self._strands.items() if now_s - strand.heard_s >= strand.life_s]
-        for key in old:
-            self._drop(key)
         values: dict[str, dict[str, Reading]] = {}
-        for _, strand in sorted(self._strands.items(), key=lambda item: item[0][0], reverse=True):
-            for name, readings in strand.values.items():
+        for _, _, own in sorted(self._last.list_valid(now_s), key=lambda last: last[0], reverse=True):
+            for name, readings in own.items():
                 values.setdefault(name, {}).update(readings)
         return Sample(self._clock.t_s, values, dict(self._info), links=dict(self._links))
-
-    def _drop(self, key: tuple[str, tuple[str, ...]]) -> None:
-        del self._strands[key]
-        self._labels -= len(key[1])
 
     def _drives(self, role: str, now_s: float) -> bool:
         """Whether the message causes a sample: positions do; other streams do if there are no positions."""
@@ -163,13 +133,13 @@ class MessageMerger:
             self._settled = now_s - self._began_s >= (SETTLED_S if complete else SETTLE_S)
         return self._settled
 
-    def _look_for_doubles(self, topic: str, values: Mapping[str, Mapping[str, Reading]]) -> None:
-        for (other, _), strand in self._strands.items():
+    def _look_for_doubles(self, topic: str, values: Values) -> None:
+        for other, _, own in self._last.list_all():
             pair = (min(topic, other), max(topic, other))
             if other == topic or pair in self._doubled or len(self._doubled) >= DOUBLES_MAX:
                 continue
             for name, readings in values.items():
-                both = readings.keys() & strand.values.get(name, {}).keys()
+                both = readings.keys() & own.get(name, {}).keys()
                 if both:
                     self._doubled.add(pair)
                     more = "; further ones are not logged" if len(self._doubled) == DOUBLES_MAX else ""

@@ -12,7 +12,7 @@ JSON or CBOR. ROS 1 and 2 name types and the two numbers of a timestamp differen
 | sensor_msgs/BatteryState | `volt`, `amp`, `charge`: SITE |
 | nav_msgs/Odometry | `base` base.x y z, `baseq` base.w x y z |
 | tf2_msgs/TFMessage | `base`, `baseq`, `pos`, through robot_frames.py |
-| diagnostic_msgs/DiagnosticArray | `diag`, bits of field_defaults.DIAG_BITS: names of the statuses |
+| diagnostic_msgs/DiagnosticArray | `diag`, bits of profile.defaults.DIAG_BITS: names of the statuses |
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from posecast_edge.profile.field_defaults import DIAG_BITS
+from posecast_edge.kit import many, quote
+from posecast_edge.profile.defaults import DIAG_BITS
 from posecast_edge.sample import NOTHING, TIME_MAX_S, Reading
-from posecast_edge.visible import many, quote
 
 JOINT_STATE = "sensor_msgs/JointState"
 CONTROLLER_STATE = "control_msgs/JointTrajectoryControllerState"
@@ -121,9 +121,9 @@ def read_transforms(message: Any) -> tuple[list[Transform], dict[str, str]]:
         raise RosMessageError(f"transforms is not a list of at most {MAX_NAMES}")
     found: list[Transform] = []
     left_out: dict[str, str] = {}
-    for i, said in enumerate(transforms):
+    for i, item in enumerate(transforms):
         with _leaving_out(f"transforms[{i}]", left_out):
-            one = _transform(said, left_out)
+            one = _transform(item, left_out)
             if one is not None:
                 found.append(one)
     if not found:
@@ -131,10 +131,10 @@ def read_transforms(message: Any) -> tuple[list[Transform], dict[str, str]]:
     return found, left_out
 
 
-def _transform(said: Any, left_out: dict[str, str]) -> Transform | None:
-    parent = _text(_member(_member(said, "header"), "frame_id"), "frame_id").strip("/")
-    child = _text(_member(said, "child_frame_id"), "child_frame_id").strip("/")
-    pose = _member(said, "transform")
+def _transform(item: Any, left_out: dict[str, str]) -> Transform | None:
+    parent = _text(_member(_member(item, "header"), "frame_id"), "frame_id").strip("/")
+    child = _text(_member(item, "child_frame_id"), "child_frame_id").strip("/")
+    pose = _member(item, "transform")
     x, y, z = _vector(_member(pose, "translation"))
     parts = _quaternion(_member(pose, "rotation"))
     if x is None or y is None or z is None or any(part is None for part in parts):
@@ -146,7 +146,7 @@ def _transform(said: Any, left_out: dict[str, str]) -> Transform | None:
     if not (0 < len(parent) <= NAME_MAX and 0 < len(child) <= NAME_MAX) or parent == child:
         return None
     wxyz = (w / norm, qx / norm, qy / norm, qz / norm)
-    return Transform(parent, child, (x, y, z), wxyz, _stamp(said, left_out))
+    return Transform(parent, child, (x, y, z), wxyz, _stamp(item, left_out))
 
 
 def get_text(message: Any) -> str:

@@ -20,11 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 from posecast_wire.command_line.installation import advise_extra
 
-from posecast_edge.rate_limited_log import RateLimitedLog
+from posecast_edge.kit import SAY_EVERY_S, Backoff, RateLimitedLog
 from posecast_edge.sample import SourceError
-from posecast_edge.sources.backoff import Backoff
 from posecast_edge.sources.base import Deliver, Source
-from posecast_edge.sources.ros.input import SAY_EVERY_S, RosInput
+from posecast_edge.sources.ros.input import RosInput, RosSource
 from posecast_edge.sources.ros.messages import CONTROLLER_STATE, RosMessageError, shorten_type
 from posecast_edge.sources.ros.rosbridge_protocol import (
     MESSAGE_MAX,
@@ -36,7 +35,6 @@ from posecast_edge.sources.ros.rosbridge_protocol import (
     make_subscribe,
     parse_json,
 )
-from posecast_edge.sources.ros.source import RosSource
 from posecast_edge.sources.ros.topics import TYPES_OF_ROLE, Route
 
 if TYPE_CHECKING:

@@ -213,8 +213,8 @@ def _cbor(data: bytes) -> Any:
     except Exception as e:  # the exceptions differ from version to version
         if isinstance(e.__cause__, RosbridgeProtocolError):
             raise e.__cause__ from None
-        said = " ".join(str(e).split())[:WORD_MAX]
-        raise RosbridgeProtocolError(f"not CBOR: {type(e).__name__}: {said}") from None
+        reason = " ".join(str(e).split())[:WORD_MAX]
+        raise RosbridgeProtocolError(f"not CBOR: {type(e).__name__}: {reason}") from None
 
 
 def _no_value(_value: Any, _immutable: bool) -> None:

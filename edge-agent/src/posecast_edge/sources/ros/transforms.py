@@ -12,14 +12,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from posecast_edge.kit import OnceLog
 from posecast_edge.sources.ros.messages import Report, Transform, read_transforms
-from posecast_edge.visible import make_visible
 
 FRAMES_MAX = 2048  # of one tree, about a megabyte; further ones are ignored
 OLD_S = 60.0  # a moving transform without an update for this long expires
 WAIT_S = 5.0  # a missing frame is logged this long after the first transform
 SHOWN = 12  # frames named in one line
-LINE_MAX, LINES_MAX = 600, 40  # characters of a line, lines
+LINES_MAX = 40
 FIXED = ("odom", "map", "world")  # usual names of the fixed frame, the smoothest first
 BASES = ("base_footprint", "base_link", "pelvis", "base", "torso", "trunk", "body")
 
@@ -34,7 +34,7 @@ NO_MOVE: Pose = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 class _Edge:
     """The last transform of one frame. `heard_s`: when it arrived."""
 
-    told: Transform
+    transform: Transform
     static: bool
     heard_s: float
 
@@ -45,12 +45,11 @@ class TransformTree:
 
     def __init__(self, base: tuple[str, str] | None, say: Callable[[str], None]) -> None:
         self._base = base
-        self._say = say
         self._edges: dict[str, _Edge] = {}  # by child
         self._began_s: float | None = None
         self._chain: tuple[list[str], list[str]] | None = None  # see _find_chain
         self._known = False  # whether the chain is up to date
-        self._told: set[str] = set()
+        self._once = OnceLog(say)
 
     def take_message(self, message: Any, static: bool, now_s: float) -> Report | None:
         """Take a TFMessage that arrived at `now_s` (seconds). Returns the pose of the base if it was updated.
@@ -62,15 +61,17 @@ class TransformTree:
         if self._began_s is None:
             self._began_s = now_s
         news: set[str] = set()
-        for told in transforms:
-            before = self._edges.get(told.child)
+        for transform in transforms:
+            before = self._edges.get(transform.child)
             if before is None and len(self._edges) >= FRAMES_MAX:
-                self._say_once(f"more than {FRAMES_MAX} frames: {told.child} and further ones are left out")
+                self._once.add(
+                    f"more than {FRAMES_MAX} frames: {transform.child} and further ones are left out"
+                )
                 continue
-            if before is None or before.told.parent != told.parent:
+            if before is None or before.transform.parent != transform.parent:
                 self._known = False
-            self._edges[told.child] = _Edge(told, static, now_s)
-            news.add(told.child)
+            self._edges[transform.child] = _Edge(transform, static, now_s)
+            news.add(transform.child)
         return None if self._base is None else self._report(news, now_s)
 
     def check_time(self, now_s: float) -> None:
@@ -83,24 +84,26 @@ class TransformTree:
         if self._base is None or self._find_chain() is not None:
             return
         fixed, base = self._base
-        frames = self._edges.keys() | {edge.told.parent for edge in self._edges.values()}
+        frames = self._edges.keys() | {edge.transform.parent for edge in self._edges.values()}
         shown = ", ".join(sorted(frames)[:SHOWN]) + (", …" if len(frames) > SHOWN else "")
         for name in (fixed, base):
             circle = self._find_circle(name)
             if name not in frames:
-                self._say_once(f"base {fixed}→{base}: no transform names {name}; frames: {shown or 'none'}")
+                self._once.add(f"base {fixed}→{base}: no transform names {name}; frames: {shown or 'none'}")
                 return
             if circle:
-                self._say_once(f"base {fixed}→{base}: the transforms form a loop: {circle}")
+                self._once.add(f"base {fixed}→{base}: the transforms form a loop: {circle}")
                 return
-        self._say_once(f"base {fixed}→{base}: no transforms connect the two")
+        self._once.add(f"base {fixed}→{base}: no transforms connect the two")
 
     def list_frames(self, is_link: Callable[[str], bool] = lambda _: False) -> list[str]:
         """Lines for `probe`: the parent and children of each frame, and the profile line that sets the base.
         `is_link`: whether a joint of the robot moves a frame, so that it can't be the base."""
         children: dict[str, list[str]] = {}
         for child, edge in sorted(self._edges.copy().items()):
-            children.setdefault(edge.told.parent, []).append(child + (" (static)" if edge.static else ""))
+            children.setdefault(edge.transform.parent, []).append(
+                child + (" (static)" if edge.static else "")
+            )
         lines = [
             f"frame {parent} → {', '.join(names[:SHOWN])}{', …' if len(names) > SHOWN else ''}"
             for parent, names in sorted(children.items())
@@ -124,7 +127,7 @@ class TransformTree:
             return None
         old = [child for child in moving if now_s - self._edges[child].heard_s > OLD_S]
         if old:
-            self._say_once(f"no transform of {old[0]} for {OLD_S:g} s: the base has no pose")
+            self._once.add(f"no transform of {old[0]} for {OLD_S:g} s: the base has no pose")
             return None
         pose = NO_MOVE
         for child in up:
@@ -136,57 +139,51 @@ class TransformTree:
             "base": {"base.x": x, "base.y": y, "base.z": z},
             "baseq": {"base.w": w, "base.x": qx, "base.y": qy, "base.z": qz},
         }
-        stamp_s = self._edges[moving[0]].told.stamp_s if moving else None
+        stamp_s = self._edges[moving[0]].transform.stamp_s if moving else None
         return Report(stamp_s, values, lasts=not moving)
 
     def _pose(self, child: str) -> Pose:
-        told = self._edges[child].told
-        return told.xyz, told.wxyz
+        transform = self._edges[child].transform
+        return transform.xyz, transform.wxyz
 
     def _find_chain(self) -> tuple[list[str], list[str]] | None:
-        """Children up from the fixed frame to the nearest common parent, and the same from the base."""
+        """Children up to the nearest common parent: those from the fixed frame, and those from the base."""
         if not self._known and self._base is not None:
             self._known = True
-            fixed, base = (self._list_way_up(name) for name in self._base)
+            fixed, base = (self._list_ancestry(name) for name in self._base)
             places = {name: i for i, name in enumerate(fixed)}
             meets = next((i for i, name in enumerate(base) if name in places), None)
             self._chain = None if meets is None else (fixed[: places[base[meets]]], base[:meets])
         return self._chain
 
-    def _list_way_up(self, name: str) -> list[str]:
+    def _list_ancestry(self, name: str) -> list[str]:
         """The frame and its ancestors, up to the root or to the point where they form a loop."""
-        way = {name: None}
-        while (edge := self._edges.get(name)) is not None and edge.told.parent not in way:
-            name = edge.told.parent
-            way[name] = None
-        return list(way)
+        ancestry = {name: None}
+        while (edge := self._edges.get(name)) is not None and edge.transform.parent not in ancestry:
+            name = edge.transform.parent
+            ancestry[name] = None
+        return list(ancestry)
 
     def _find_circle(self, name: str) -> str:
         """`a → b → a`; "" when this frame's ancestors form no loop."""
-        way = self._list_way_up(name)
-        edge = self._edges.get(way[-1])
+        ancestry = self._list_ancestry(name)
+        edge = self._edges.get(ancestry[-1])
         if edge is None:
             return ""
-        shown = way[way.index(edge.told.parent) :]
+        shown = ancestry[ancestry.index(edge.transform.parent) :]
         return " → ".join((*shown[:SHOWN], *(("…",) if len(shown) > SHOWN else ()), shown[0]))
 
     def _suggest(self) -> tuple[str, str] | None:
         names = {name.rpartition("/")[2]: name for name in sorted(self._edges, reverse=True)}
         for base in (names[last] for last in BASES if last in names):
-            above = self._list_way_up(base)[1:]
+            above = self._list_ancestry(base)[1:]
             fixed = [name for last in FIXED for name in above if name.rpartition("/")[2] == last]
             if above:
                 return (fixed or above[-1:])[0], base
-        if any(edge.told.parent.rpartition("/")[2] in BASES for edge in self._edges.copy().values()):
+        if any(edge.transform.parent.rpartition("/")[2] in BASES for edge in self._edges.copy().values()):
             return None  # the base is the root, so its pose is unknown
-        moving = [(edge.told.parent, child) for child, edge in self._edges.items() if not edge.static]
+        moving = [(edge.transform.parent, child) for child, edge in self._edges.items() if not edge.static]
         return next((pair for pair in moving if pair[0] not in self._edges), None)
-
-    def _say_once(self, text: str) -> None:
-        key = text.partition(":")[0]
-        if key not in self._told:
-            self._told.add(key)
-            self._say(make_visible(text, LINE_MAX))
 
 
 def multiply_poses(first: Pose, second: Pose) -> Pose:

@@ -1,12 +1,13 @@
-"""The flags, shared by all commands, that say how to read a robot's file."""
+"""Flags that several commands share: how to read a robot's file, and the type of flags that take a number."""
 
 from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from posecast_edge.kit import quote
 from posecast_edge.model.urdf.resolver import list_package_folders
 
 
@@ -48,3 +49,18 @@ def parse_xacro_argument(text: str) -> tuple[str, str]:
 def list_packages(given: Sequence[Path], environment: Mapping[str, str]) -> list[Path]:
     """The given folders first, then those where ROS and Gazebo look."""
     return [*given, *list_package_folders(environment)]
+
+
+def limit_number(low: float, high: float) -> Callable[[str], float]:
+    """A type for argparse: a number from `low` to `high`."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{quote(text)} is not a number from {low:g} to {high:g}")
+        return value
+
+    return parse

@@ -1,11 +1,10 @@
-"""Copies the values that a program passes, in the program's thread: afterwards the program may change them.
-
-The usual cases (a dict of floats, a NumPy array) take a few microseconds; values are checked one by one only
-if something is unusual. NumPy is not imported: any object with `shape` and `tolist` is read as an array.
-"""
+"""What a program publishes: its values are copied in its own thread, and a one-place buffer keeps the newest
+of them for the thread that sends."""
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import islice
 from operator import index
@@ -13,9 +12,10 @@ from typing import NamedTuple, cast
 
 from posecast_wire.schema import BITS_MAX, CHANNELS_MAX
 
+from posecast_edge.kit import many, quote
 from posecast_edge.sample import WORDS, Reading
+from posecast_edge.sources.merge import STATE_S, STREAM_S, LatestReadings
 from posecast_edge.sources.sites import has_lists, split_lists
-from posecast_edge.visible import many, quote
 
 SHOWN = 40  # characters of a value in a message
 BASE, BASEQ = ("base.x", "base.y", "base.z"), ("base.x", "base.y", "base.z", "base.w")
@@ -37,8 +37,16 @@ class Copied(NamedTuple):
 
 
 class ReadingsCopier:
-    """Copies fields. `orders`: field → labels, in the order of a list; `bit_fields`: the fields with masks or
-    lists of names; `report` is called with a line for each problem. May be used from any thread."""
+    """Copies the values that a program passes, in the program's thread: afterwards the program may change
+    them.
+
+    The usual cases (a dict of floats, a NumPy array) take a few microseconds; values are checked one by one
+    only if something is unusual. NumPy is not imported: any object with `shape` and `tolist` is read as an
+    array.
+
+    `orders`: field → labels, in the order of a list; `bit_fields`: the fields with masks or
+    lists of names; `report` is called with a line for each problem. May be used from any thread.
+    """
 
     def __init__(
         self,
@@ -112,7 +120,7 @@ class ReadingsCopier:
     def _read(self, name: str, label: str, value: object, read: Callable[[object], Reading]) -> Reading:
         try:
             return read(value)
-        except Exception:  # the same
+        except Exception:  # a foreign __float__ or __index__ may raise anything
             wanted = "a number" if read is _number else "a mask or a list of names"
             self._report(f"{name} of {quote(label)} is {_describe(value)}, not {wanted}")
             return None
@@ -181,3 +189,89 @@ def _describe(value: object) -> str:
 
 def _describe_item(item: object) -> str:
     return "None" if item is None else f"an item of type {type(item).__name__}"
+
+
+# --- the buffer
+
+Readings = dict[str, Reading]  # by label
+
+PUBLISHERS_MAX = 64  # combinations of a field and its labels
+KEPT_MAX = 64
+STREAMS = frozenset(
+    ("pos", "vel", "effort", "base", "baseq", "ftf", "ftm", "quat", "tilt", "gyro", "acc"),
+)
+FLAGS = "flags"
+
+
+class Taken(NamedTuple):
+    """The content of the slot. `t_s`: the robot's time, seconds. `flags`: (robot time, readings) of flags
+    that were replaced before they were read, the oldest first."""
+
+    t_s: float
+    values: dict[str, Readings]
+    info: Mapping[str, str]
+    flags: list[tuple[float, Readings]]
+
+
+class PublishedSlot:
+    """A one-place buffer between the program that publishes and the thread that sends: the newest readings
+    win.
+
+    A program may write here at 1 kHz; the reader takes the content when a frame is due. Readings that a call
+    leaves out keep their value for a while. So positions and temperatures, or left and right arm, may come at
+    different rates and from different threads. Only faults are not replaced: changed flags are kept, the
+    newest KEPT_MAX of them, and checked one by one.
+
+    Any thread may call `put`; one thread calls `take` and `wait`. Times are seconds of kit.now_s(), `t_s` is
+    the robot's.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._bell = threading.Event()
+        self._waiting = False
+        self._fresh = False
+        self._t_s = 0.0
+        self._last = LatestReadings[Sequence[Reading]](PUBLISHERS_MAX)  # by field
+        self._info: Mapping[str, str] = {}
+        self._flags: deque[tuple[float, Readings]] = deque(maxlen=KEPT_MAX)
+        self.published = 0  # calls
+
+    def put(self, t_s: float, copies: Sequence[Copied], info: Mapping[str, str], now_s: float) -> None:
+        """Replace these readings and texts."""
+        with self._lock:
+            self.published += 1
+            for name, labels, readings in copies:
+                life_s = STREAM_S if name in STREAMS else STATE_S
+                before = self._last.replace(name, labels, readings, life_s, now_s)
+                if name == FLAGS and self._fresh and before is not None and before != readings:
+                    self._flags.append((self._t_s, dict(zip(labels, before, strict=True))))
+            if info:
+                self._info = info
+            self._t_s, self._fresh = t_s, True
+            wake, self._waiting = self._waiting, False
+        if wake:
+            self._bell.set()
+
+    def wait(self, seconds: float) -> None:
+        """Return when there is something new, or after `seconds`. `put` wakes only a waiting reader, so at
+        most one call per frame has that cost."""
+        with self._lock:
+            if self._fresh:
+                return
+            self._bell.clear()
+            self._waiting = True
+        self._bell.wait(seconds)
+
+    def take(self, now_s: float) -> Taken | None:
+        """All valid readings; None when nothing has been published since the last call."""
+        with self._lock:
+            if not self._fresh:
+                return None
+            self._fresh = False
+            values: dict[str, Readings] = {}
+            for name, labels, readings in self._last.list_valid(now_s):
+                values.setdefault(name, {}).update(zip(labels, readings, strict=True))
+            flags = list(self._flags)
+            self._flags.clear()
+            return Taken(self._t_s, values, self._info, flags)

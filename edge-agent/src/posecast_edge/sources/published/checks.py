@@ -1,0 +1,179 @@
+"""Checks what a program publishes: against the robot's model, and its clock against this machine's. Each kind
+of problem is counted, and logged once."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from posecast_wire.command_line.installation import name_edge_command
+
+from posecast_edge.kit import OnceLog, make_visible, quote
+from posecast_edge.model.serve.bundle import Bundle
+from posecast_edge.sample import Reading
+
+log = logging.getLogger("posecast_edge.robot")
+
+PROBLEMS_MAX = 50  # kinds that are counted separately
+MORE = "further kinds of problems are only counted"
+
+
+class ProblemList:
+    """Counts the problems with published values, and logs each kind once. May be used from any thread. `add`
+    never writes; `log_new` writes the log, in a thread that may block."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._counts: dict[str, int] = {}
+        self._new: list[str] = []
+        self._firsts: dict[str, str] = {}  # the text of a part's first problem
+
+    def add(self, text: str, part: str = "") -> None:
+        """Count one more problem of this kind. `text`: one line, the same for each problem of a kind. If it
+        shows a value that changes, `part` is what stays the same, and the first text is kept."""
+        text = make_visible(text)
+        with self._lock:
+            if part:
+                text = self._firsts.setdefault(part, text)
+            if text not in self._counts and len(self._counts) >= PROBLEMS_MAX:
+                text = MORE
+            if text not in self._counts:
+                self._new.append(text)
+            self._counts[text] = self._counts.get(text, 0) + 1
+
+    def get_counts(self) -> dict[str, int]:
+        """Text of each problem → how often it has occurred, the oldest first."""
+        with self._lock:
+            return dict(self._counts)
+
+    def log_new(self) -> None:
+        """Log the problems that have not been logged yet."""
+        if not self._new:
+            return
+        with self._lock:
+            new, self._new = self._new, []
+        for text in new:
+            log.warning("%s", text)
+
+
+# --- the model
+
+ERRORS_MAX = 10  # errors of one model that are reported one by one
+POSITIONS = ("pos", "ref")
+FAR = 3.0  # times the larger limit, or LEAST: anything beyond is no overshoot
+LEAST = 0.1  # rad or m
+SLACK = 0.02  # rad or m
+
+
+class JointLimits(NamedTuple):
+    """The range of a joint, rad, or m if it slides; `lower` is below `upper`."""
+
+    slides: bool
+    lower: float
+    upper: float
+
+    def __str__(self) -> str:
+        return f"{self.lower:.3g} to {self.upper:.3g} {'m' if self.slides else 'rad'}"
+
+    def is_far(self, reading: float) -> bool:
+        """Whether a reading is beyond any overshoot or encoder offset."""
+        return abs(reading) > FAR * max(abs(self.lower), abs(self.upper), LEAST)
+
+    def suspect_unit(self, reading: float) -> str:
+        """The question whether the reading is in another unit, if it would then fit; otherwise ""."""
+        factor, other = (1e-3, "millimetres") if self.slides else (math.pi / 180, "degrees")
+        fits = self.lower - SLACK <= reading * factor <= self.upper + SLACK
+        return f": are these {other}?" if fits else ""
+
+
+class ModelCheck:
+    """Compares published values with the robot's model. Does not read meshes. Reports to `problems`.
+    `take_model` may be called from any thread, the other methods from one."""
+
+    def __init__(self, problems: ProblemList) -> None:
+        self._problems = problems
+        self._readings: frozenset[str] | None = None
+        self._limits: Mapping[str, JointLimits] = {}
+        self._once = OnceLog(problems.add)
+        self._doubts: dict[str, str] = {}  # question → message about the first joint
+
+    def take_model(self, bundle: Bundle) -> None:
+        """Compare with this model from now on. Reports each of its errors once; the built model may have more
+        errors than the URDF."""
+        errors = [f for f in bundle.findings if f.severity == "error"]
+        for finding in errors[:ERRORS_MAX]:
+            where = f"line {finding.line}: " if finding.line else ""
+            self._report_once(f"model: {where}{finding.text}")
+        if len(errors) > ERRORS_MAX:
+            self._report_once(
+                f"model: it has further errors; `{name_edge_command('doctor')} --urdf` lists them"
+            )
+        self._limits = {
+            j.name: JointLimits(j.slides, j.lower, j.upper)
+            for j in bundle.joints
+            if j.lower is not None and j.upper is not None and j.lower < j.upper
+        }
+        self._readings = bundle.readings
+
+    def check_names(self, labels: Mapping[str, frozenset[str]]) -> None:
+        """Report labels that move nothing. `labels`: field of joints → labels."""
+        if self._readings is None:
+            return
+        for name in sorted(labels):
+            for label in sorted(labels[name] - self._readings):
+                self._report_once(f"{name} of {quote(label)} moves nothing: the model has no such joint")
+
+    def check_positions(self, values: Mapping[str, Mapping[str, Reading]]) -> None:
+        """Report a value far beyond a joint's limits, only for the first of many joints: if a program passes
+        degrees as radians, all joints are affected."""
+        for name in POSITIONS:
+            for label, reading in values.get(name, {}).items():
+                limits = self._limits.get(label)
+                if limits is not None and type(reading) is float and limits.is_far(reading):
+                    self._doubt(f"{name} of {quote(label)}", limits, reading)
+
+    def _doubt(self, what: str, limits: JointLimits, reading: float) -> None:
+        question = limits.suspect_unit(reading)
+        text = f"{what} is far beyond the joint's limits, {limits}{question}"
+        self._problems.add(self._doubts.setdefault(question or text, text))
+
+    def _report_once(self, text: str) -> None:
+        self._once.add(text, text)
+
+
+# --- the clock
+
+LOOK_S = 1.0  # between two checks of the pace
+BACK_S = 1.0  # threads that publish with their own times may be a little apart
+UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+BACK = "t stepped back by more than a second: does it come from another clock?"
+
+
+class ClockCheck:
+    """Compares the robot clock that a program passes with this machine's clock. Reports to `problems` when
+    the robot's time steps back, or seems to be in another unit."""
+
+    def __init__(self, problems: ProblemList) -> None:
+        self._problems = problems
+        self._newest: tuple[float, float] | None = None
+        self._began: tuple[float, float] | None = None
+
+    def check_time(self, t_s: float, now_s: float) -> None:
+        """Check one call. `t_s`: the robot's time that it passed; `now_s`: monotonic seconds."""
+        if self._newest is not None and t_s < self._newest[0] - BACK_S:
+            self._problems.add(BACK)
+            self._began = None
+        self._newest = (t_s, now_s)
+        if self._began is None:
+            self._began = self._newest
+        passed_s = now_s - self._began[1]
+        if passed_s < LOOK_S:
+            return
+        pace = (t_s - self._began[0]) / passed_s
+        self._began = self._newest
+        for factor, unit in UNITS.items():
+            if 0.5 < pace / factor < 2:
+                self._problems.add(f"t runs {factor:,.0f} times too fast: are these {unit}?")
