@@ -13,10 +13,10 @@ from posecast_edge.profile.reader import load_profile
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
 from posecast_edge.sources.files.ros_recording import RosRecording
+from posecast_relay.export.link_poses import FrameReadings, LinkPoses
 from posecast_relay.export.mcap_file import write_mcap
+from posecast_relay.export.model_tree import ModelTree, read_model_tree
 from posecast_relay.export.table import TableReader, TableRow
-from posecast_relay.kinematics.link_poses import FrameReadings, LinkPoses
-from posecast_relay.kinematics.model_tree import ModelTree, read_model_tree
 from posecast_wire import Quantiser, Schema, compute_joint_values
 
 from relay.tests.export_stage import Take, hash_of, schemas_of

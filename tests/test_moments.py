@@ -15,9 +15,9 @@ import pytest
 from PIL import Image
 from posecast_edge.profile.schema import infer_profile
 from posecast_edge.sources.demo import BUNDLE
-from posecast_relay.config.built_page import find_page
-from posecast_relay.kinematics.link_poses import LinkPose
-from posecast_relay.kinematics.rotation import rotate_vector
+from posecast_relay.config.settings import find_page
+from posecast_relay.export.link_poses import LinkPose
+from posecast_relay.export.rotation import rotate_vector
 from posecast_wire import Decoder
 from posecast_wire.recording import PastRecording, decode_recording, model_path, segment_path, unpack_segment
 from posecast_wire.segment import FrameRecord, decode_segment

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 import yaml
-from posecast_relay.core.state.stream import FrameOutcome
+from posecast_relay.core.stream import FrameOutcome
 from posecast_testing import free_port, until
 from posecast_wire import Close
 

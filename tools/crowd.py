@@ -59,7 +59,7 @@ DRAIN_PER_S = 100.0
 DRAIN_S = 6.5
 BACKOFF_S = 0.5  # a page whose relay died retries at a random moment within this time, then twice that …
 # If very many viewers are in the lane because a relay is full, each tries a socket every 10 to 20 min: the
-# relay says 10 min at most (core/policy/lane.py), and a page waits that × (1 to 2)
+# relay says 10 min at most (core/policy.py), and a page waits that × (1 to 2)
 LANE_RETRY_S = 900.0
 
 # ---- protocol overhead ------------------------------------------------------------------

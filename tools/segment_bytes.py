@@ -16,13 +16,11 @@ from typing import NamedTuple
 
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past import open_segment
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.past.recorder import Recorder
-from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.past import list_lookers
-from posecast_relay.core.policy.policy import Policy
+from posecast_relay.core.policy import Policy, list_lookers
+from posecast_relay.past import recorder as recording
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.recorder import Recorder, RecordingPorts
+from posecast_relay.past.segment import KeptSegment
 from posecast_wire import Encoder, Quantiser, Schema, Snapshot, Stamp
 
 from wire.python.benches.bytes_per_frame import SETS, SHARED, rows
@@ -66,20 +64,20 @@ def play(text: str, path: Path, hz: int, key_interval_s: float, segment_s_max: f
     recorder = Recorder(ports, list_lookers)
     recorder.set_policy(Policy(), START_S)
     hub, frames = Hub(Limits(), recorder=recorder), []
-    bound_s, open_segment.LENGTH_S = open_segment.LENGTH_S, segment_s_max
+    bound_s, recording.LENGTH_S = recording.LENGTH_S, segment_s_max
     try:
         for seq, sample in enumerate(values[:: SET_HZ // hz]):
             sent_s = seq / hz
             frame = encoder.encode(quantiser.quantise(sample), seq, sent_s, sent_s)
             stamp, now_s = Stamp(RUN, round(sent_s * 1e9)), START_S + sent_s + draw.uniform(*UPLINK_S)
             recorder.close_due(now_s)
-            hub.take_frame("hubo", "public", frame, stamp, now_s)
+            hub.receive_frame("hubo", "public", frame, stamp, now_s)
             if seq == 0:
                 hub.take_snapshot("hubo", "public", Snapshot(text, {}, frame, None), stamp, now_s)
             hub.changed.clear()
             frames.append(len(frame))
     finally:
-        open_segment.LENGTH_S = bound_s
+        recording.LENGTH_S = bound_s
     if recorder.faults:
         raise AssertionError(f"{path.stem}: {dict(recorder.faults)}")
     whole: list[KeptSegment] = kept.list_segments("hubo", "public")
@@ -101,7 +99,7 @@ def main() -> int:
     text = path.read_text(encoding="utf-8")
     print("set         Hz  KEY s   frame B  frames B/s   segment s  segment B  segments B/s")
     for name, hz, key_s in product(SETS, RATES_HZ, KEY_INTERVALS_S):
-        for longest_s in sorted({open_segment.LENGTH_S, max(open_segment.LENGTH_S, key_s + 1)}):
+        for longest_s in sorted({recording.LENGTH_S, max(recording.LENGTH_S, key_s + 1)}):
             played = play(text, SHARED / "telemetry" / f"{name}.npz", hz, key_s, longest_s)
             line = (
                 f"{name:<10}{hz:>4}{key_s:>7.0f}{played.frame_bytes:>10.1f}{hz * played.frame_bytes:>12.0f}"

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from posecast_relay.archive.deletion.tombstones import KEY, make_stem
+from posecast_relay.archive.deletion import KEY, make_stem
+from posecast_relay.archive.index import make_segment_record, pack_index, unpack_index
 from posecast_relay.archive.names import ArchivedName, is_unfinished, read_segment_key
-from posecast_relay.archive.page_index import make_segment_record, pack_index, unpack_index
-from posecast_relay.core.past.day_index import digest_page, pack_day, unpack_day
-from posecast_relay.core.past.day_reach import reach_day
-from posecast_relay.core.past.kept_segment import SegmentName
-from posecast_relay.core.past.segment_record import pack_record, unpack_record
-from posecast_relay.deletion_record import pack_deletion, unpack_deletion
+from posecast_relay.past.deletion_record import pack_deletion, unpack_deletion
+from posecast_relay.past.index import digest_page, list_shown, pack_day, unpack_day
+from posecast_relay.past.segment import SegmentName, pack_record, unpack_record
 from posecast_wire.segment import SegmentError, decode_segment
 
 from fuzz.target import Differs, Target
@@ -42,7 +40,7 @@ def day(data: bytes) -> None:
     found = unpack_day("r", "public", DAY_MS, data)
     if unpack_day("r", "public", DAY_MS, pack_day(found)) != found:
         raise Differs("packed it is another")
-    reach_day(found)
+    list_shown(found)
 
 
 def segment(data: bytes) -> None:

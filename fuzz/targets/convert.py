@@ -8,8 +8,7 @@ from unittest.mock import patch
 
 from posecast_relay.export.csv_file import write_csv
 from posecast_relay.export.mcap_file import write_mcap
-from posecast_relay.export.recording_files import FileUnreadable, RecordingZip
-from posecast_relay.export.span import ExportedSpan
+from posecast_relay.export.span import ExportedSpan, FileUnreadable, RecordingZip
 from posecast_relay.export.table import TableReader
 from posecast_wire.recording import (
     RECORDING_FILE,

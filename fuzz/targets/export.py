@@ -7,11 +7,10 @@ import io
 from collections.abc import Iterator, Mapping
 
 from posecast_relay.export.csv_file import write_csv
+from posecast_relay.export.link_poses import FrameReadings, LinkPoses
 from posecast_relay.export.mcap_file import write_mcap
+from posecast_relay.export.model_tree import VARIABLES, ModelTreeError, read_model_tree
 from posecast_relay.export.table import TableReader
-from posecast_relay.kinematics.link_poses import FrameReadings, LinkPoses
-from posecast_relay.kinematics.manifest_values import ModelTreeError
-from posecast_relay.kinematics.model_tree import VARIABLES, read_model_tree
 from posecast_wire import Encoder, Schema, build_schema_text
 from posecast_wire.segment import SegmentError, SegmentStart, SegmentWriter, decode_segment
 

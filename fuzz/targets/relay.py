@@ -7,19 +7,22 @@ import functools
 import hashlib
 import json
 
-from posecast_relay.auth.addresses import find_real_address, parse_networks
-from posecast_relay.auth.origins import may_show
+from posecast_relay.auth.addresses import find_real_address, may_show, parse_networks
 from posecast_relay.config.robots_file import read_robots
 from posecast_relay.config.robots_reader import RobotsError
-from posecast_relay.core.edge_messages import read_edge_message
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.segment_record import pack_record, unpack_record
-from posecast_relay.core.policy.share_link import make_link, read_link
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.http.past.address import (
+from posecast_relay.core.messages import read_edge_message
+from posecast_relay.core.policy import make_link, read_link
+from posecast_relay.core.stream import Stream
+from posecast_relay.http.previews import Thumbnails
+from posecast_relay.models.cache import Absent, ModelCache, Unavailable
+from posecast_relay.models.picture import PICTURE_TYPES, SIDE_PX_MAX, PictureError, read_picture_size
+from posecast_relay.net.request import BadRequest, NoSuchStream, read_bearer, read_target
+from posecast_relay.past.documents import (
     EVERY_STEPS,
     AddressError,
     PastSpan,
+    make_page,
     read_after,
     read_every,
     read_index,
@@ -29,12 +32,8 @@ from posecast_relay.http.past.address import (
     write_day,
     write_minute,
 )
-from posecast_relay.http.past.documents import make_page
-from posecast_relay.http.thumbnails import Thumbnails
-from posecast_relay.models.cache import Absent, ModelCache, Unavailable
-from posecast_relay.models.picture import PICTURE_TYPES, SIDE_PX_MAX, PictureError, read_picture_size
+from posecast_relay.past.segment import pack_record, unpack_record
 from posecast_relay.redis.messages import pack, unpack, unpack_state
-from posecast_relay.streaming.request import BadRequest, NoSuchStream, read_bearer, read_target
 from posecast_wire import Snapshot
 
 from fuzz.differ import difference

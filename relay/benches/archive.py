@@ -13,10 +13,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from posecast_relay.archive.indexer import Indexer
-from posecast_relay.archive.object_store import open_object_store
+from posecast_relay.archive.store import open_object_store
+from posecast_relay.archive.upkeep import Indexer
 from posecast_relay.archive.writer import ArchiveWriter
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.past.segment import KeptSegment
 
 from relay.benches.past import MINUTES, record_demo
 

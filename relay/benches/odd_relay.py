@@ -10,7 +10,7 @@ import sys
 
 import uvicorn
 from posecast_relay.cli import main
-from posecast_relay.runtime.io_uring import IoUring
+from posecast_relay.runtime.fan_out import IoUring
 
 from relay.benches.feed import watch_lag
 

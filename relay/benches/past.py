@@ -18,14 +18,12 @@ from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.past.recorder import Recorder
-from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.past import list_lookers
-from posecast_relay.core.policy.policy import Policy
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.room import Room
+from posecast_relay.core.policy import Policy, list_lookers
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import Room
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.recorder import Recorder, RecordingPorts
+from posecast_relay.past.segment import KeptSegment
 from posecast_wire import Snapshot, Stamp
 
 HZ = 30
@@ -73,13 +71,13 @@ def make_frames() -> Iterator[tuple[float, bytes, Snapshot | None]]:
 
 
 def play(hub: Hub, frames: list[tuple[float, bytes, Snapshot | None]], played: Played) -> list[int]:
-    """Give a hub all frames; how many ns each `take_frame` took."""
+    """Give a hub all frames; how many ns each `receive_frame` took."""
     took_ns: list[int] = []
     for now_s, frame, snapshot in frames:
         stamp, now = Stamp(RUN, round(now_s * 1e9)), 1000.0 + now_s
         played.now = now
         began_ns = time.perf_counter_ns()
-        hub.take_frame("demo", "public", frame, stamp, now)
+        hub.receive_frame("demo", "public", frame, stamp, now)
         took_ns.append(time.perf_counter_ns() - began_ns)
         if snapshot is not None:
             hub.take_snapshot("demo", "public", snapshot, stamp, now)

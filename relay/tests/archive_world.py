@@ -7,15 +7,14 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from posecast_relay.archive.indexer import Indexer
-from posecast_relay.archive.joined_past import JoinedPast
-from posecast_relay.archive.object_store import ObjectStore, open_object_store
+from posecast_relay.archive.joined import JoinedPast
 from posecast_relay.archive.reader import ArchiveReader
+from posecast_relay.archive.store import ObjectStore, open_object_store
+from posecast_relay.archive.upkeep import Indexer
 from posecast_relay.archive.writer import ArchiveWriter
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.past_source import PastSource
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
+from posecast_relay.past.segment import KeptSegment
+from posecast_relay.past.source import PastSource
 from posecast_testing import until_async
 
 from .past_doors import PAGE_MS, PastDoors, Rules, make_kept

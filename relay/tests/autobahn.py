@@ -22,15 +22,14 @@ from pathlib import Path
 
 import uvicorn
 from posecast_relay.auth.access import Access
+from posecast_relay.core import messages
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.viewer import messages
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.net.encodings import DecodeCache
+from posecast_relay.net.sse import make_http_protocol
+from posecast_relay.net.websocket import LiveSocket
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.sse import make_http_protocol
-from posecast_relay.streaming.websocket import LiveSocket
 from posecast_testing import free_port
 from posecast_wire import Close
 from websockets.frames import Frame, Opcode

@@ -17,15 +17,13 @@ from typing import Any
 from posecast_relay import cli
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import Addresses
-from posecast_relay.http.answer_cache import AnswerCache
-from posecast_relay.http.robot_state import StateReader
-from posecast_relay.runtime.boundary import isolated, isolated_task
-from posecast_relay.streaming.encodings import EventStreamEncoding, JsonEncoding, JsonOutlet
-from posecast_relay.streaming.http_connection import HttpConnection
-from posecast_relay.streaming.pending_requests import PendingRequests
-from posecast_relay.streaming.request_timeouts import RequestTimeouts
-from posecast_relay.streaming.sse import EventStream, _Http
-from posecast_relay.streaming.websocket import LiveSocket
+from posecast_relay.http.robots import StateReader
+from posecast_relay.net.answer_cache import AnswerCache
+from posecast_relay.net.encodings import EventStreamEncoding, JsonEncoding, JsonOutlet
+from posecast_relay.net.http1 import HttpConnection, PendingRequests, RequestTimeouts
+from posecast_relay.net.sse import EventStream, _Http
+from posecast_relay.net.websocket import LiveSocket
+from posecast_relay.runtime.tasks import isolated, isolated_task
 
 VICTIM = "127.0.0.2"
 ROBOT = "victim"
@@ -46,7 +44,7 @@ CLASSES = (
 # must not fail: what is called when something has failed, and what the process does for everybody at once
 SOUND = {
     *("end_after_fault", "cut", "abort", "report_fault", "_work", "_sweep"),
-    *("recheck_accounts", "recheck_once", "set_policy", "_rejudge_some"),
+    *("recheck_accounts", "recheck_once", "set_policy", "_readmit_some"),
 }
 
 

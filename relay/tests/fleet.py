@@ -14,19 +14,18 @@ from itertools import count
 from typing import Any
 from unittest.mock import patch
 
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.policy import PUBLIC
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.http.robots import make_robot_summary
 from posecast_relay.redis import gateway as redis_gateway
 from posecast_relay.redis import store as redis_store
 from posecast_relay.redis.gateway import RedisGateway
 from posecast_relay.redis.store import RedisStore
-from posecast_relay.runtime.dispatcher import Dispatcher, NoSource
-from posecast_relay.store_memory import MemoryStore
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, NoSource
 
 from .page import Page
 from .sim import Edge, schema
@@ -109,7 +108,7 @@ class Ingest(Process, NoSource):
     def frame(self, edge: FleetEdge, payload: bytes, stamp: Any) -> None:
         """Has come."""
         if self.is_up and edge in self.edges:
-            self.hub.take_frame(edge.robot, PUBLIC, payload, stamp, self.dispatcher.now())
+            self.hub.receive_frame(edge.robot, PUBLIC, payload, stamp, self.dispatcher.now())
             self.dispatcher.flush()
 
     def request_snapshots(self, robot: str, _views: Sequence[str]) -> None:

@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from posecast_relay.kinematics.link_poses import FrameReadings, LinkPose, LinkPoses, compose_poses
-from posecast_relay.kinematics.model_tree import ModelTree, read_model_tree
+from posecast_relay.export.link_poses import FrameReadings, LinkPose, LinkPoses, compose_poses
+from posecast_relay.export.model_tree import ModelTree, read_model_tree
 from posecast_wire import Schema, build_schema_text
 from posecast_wire.schema import MISSING
 

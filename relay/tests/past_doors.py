@@ -14,24 +14,21 @@ import httpx
 import uvicorn
 from posecast_relay.auth.access import open_access
 from posecast_relay.auth.tokens import Tokens
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.past import list_lookers
-from posecast_relay.core.policy.policy import Audience, Policy, Principal, Rule
-from posecast_relay.core.policy.share_link import make_link
+from posecast_relay.core.policy import Audience, Policy, Principal, Rule, list_lookers, make_link
 from posecast_relay.http.app import make_app
-from posecast_relay.http.past.desk import PastDesk
 from posecast_relay.models.cache import ModelCache
-from posecast_relay.past_source import PastSource
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.net.encodings import DecodeCache
+from posecast_relay.net.sse import make_http_protocol
+from posecast_relay.net.websocket import make_live_protocol
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
+from posecast_relay.past.segment import KeptSegment, PastEvent, PastWord, SegmentName
+from posecast_relay.past.service import PastService
+from posecast_relay.past.source import PastSource
+from posecast_relay.runtime.dispatcher import MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.sse import make_http_protocol
-from posecast_relay.streaming.websocket import make_live_protocol
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_testing import until_async
 from posecast_wire.segment import EventRecord, FrameRecord, Segment, SegmentStart, encode_segment
@@ -118,7 +115,7 @@ class PastDoors:
         self.source = source or MemoryPastSource(self.past)
         self.unix_ms, self.now = PAGE_MS, 0.0
         self.models = models
-        self.desk = PastDesk(
+        self.service = PastService(
             self.source, lambda: self.now, lambda: self.unix_ms / 1000, has_models=has_models
         )
         self.client = httpx.AsyncClient(trust_env=False, timeout=20)
@@ -143,7 +140,7 @@ class PastDoors:
         decoded, none = DecodeCache(), SimpleNamespace()
         edges = EdgeModels(none, self.access.live.hub)  # type: ignore[arg-type]
         models = self.models or ModelCache(edges, 1)
-        self.app = make_app(self.access, models, decoded, None, past=self.desk)
+        self.app = make_app(self.access, models, decoded, None, past=self.service)
         self.server = uvicorn.Server(
             uvicorn.Config(
                 self.app,
@@ -162,7 +159,7 @@ class PastDoors:
 
     async def stop(self) -> None:
         """End it."""
-        self.desk.held.release()
+        self.service.held.release()
         await self.client.aclose()
         self.server.should_exit = True
         await self._task
@@ -182,7 +179,7 @@ class PastDoors:
 
     async def until_held(self, count: int) -> None:
         """Wait until so many requests are held."""
-        await until_async(f"{count} requests are held", lambda: self.desk.held.count == count)
+        await until_async(f"{count} requests are held", lambda: self.service.held.count == count)
 
 
 def address_of(segment: KeptSegment) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 from unittest.mock import patch
 
 import redis
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.past.segment import KeptSegment
 from posecast_relay.redis import client
 from posecast_relay.redis.past_reader import RedisPast
 from posecast_relay.redis.past_scripts import LEDGER

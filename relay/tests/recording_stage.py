@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.past.segment import KeptSegment
 from posecast_relay.recording.collector import Collection, Collector, Description
 from posecast_relay.recording.source import ListedSegment, SourceSpan
 from posecast_wire.recording import PastRecording, RecordingNote

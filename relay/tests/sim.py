@@ -9,8 +9,8 @@ from typing import Any
 from posecast_relay.core.actions import Abort, Action, CloseConnection, Fault, Persist, RequestSnapshot, Send
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.recorder import Recorder
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.viewer import Viewer
+from posecast_relay.past.recorder import Recorder
 from posecast_wire import Close, Decoder, Encoder, Frame, Schema, Snapshot, Stamp, build_schema_text
 
 UNIX_S = 1_800_000_000.0
@@ -166,7 +166,7 @@ class World:
     def publish(self, edge: Edge, payload: bytes | None = None, robot: str = "r") -> str:
         """A frame arrives at once and is handed out; returns what became of it."""
         data = edge.frame(self.now) if payload is None else payload
-        outcome = self.hub.take_frame(robot, "public", data, edge.stamp(self.now), self.now)
+        outcome = self.hub.receive_frame(robot, "public", data, edge.stamp(self.now), self.now)
         self.flush()
         return outcome.value
 

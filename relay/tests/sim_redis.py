@@ -14,7 +14,7 @@ from typing import Any
 
 from posecast_relay.redis.client import RedisClient
 from posecast_relay.redis.directory import BOARD
-from posecast_relay.redis.guard import CLAIM, GUARD, STATUS
+from posecast_relay.redis.scripts import CLAIM, GUARD, STATUS
 from redis.exceptions import (
     AuthenticationError,
     BusyLoadingError,

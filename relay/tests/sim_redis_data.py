@@ -11,7 +11,7 @@ from typing import Any
 
 from posecast_relay.redis.client import STATUS_MS, TTL_S
 from posecast_relay.redis.directory import FORGET_S, FRESH_S, INGEST_S
-from posecast_relay.redis.guard import LEASE_MS
+from posecast_relay.redis.scripts import LEASE_MS
 from redis.exceptions import ResponseError
 
 WRONGTYPE = "WRONGTYPE Operation against a key holding the wrong kind of value"

@@ -8,10 +8,9 @@ from collections.abc import Callable
 from itertools import count
 from typing import NamedTuple
 
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.recorder import Recorder
-from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.policy import Audience, Policy
+from posecast_relay.core.policy import Audience, Policy
+from posecast_relay.past.recorder import Recorder, RecordingPorts
+from posecast_relay.past.segment import KeptSegment
 from posecast_wire import Decoder, Frame, Schema
 from posecast_wire.segment import (
     CopyRecord,

@@ -11,7 +11,7 @@ from urllib.request import Request, urlopen
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posecast_relay.http.accept_encoding import choose_encoding
+from posecast_relay.net.request import choose_encoding
 from starlette.datastructures import Headers
 
 from .stage import SharedRelay

@@ -8,14 +8,13 @@ import itertools
 import pytest
 from posecast_relay.auth import access
 from posecast_relay.auth.access import open_access
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.admission import Applicant, Refusal
-from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Rule
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.policy import ANYONE, Applicant, Audience, Grant, Policy, Refusal, Rule
+from posecast_relay.core.viewer import Viewer
+from posecast_relay.runtime.dispatcher import MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
 
 from .sim import Edge, Screen, schema
 
@@ -40,10 +39,10 @@ class Hall:
         live, now = self.access.live, self.access.live.now()
         edge = Edge(0xE, schema(), began_s=now)
         live.carry_out(self.hub.set_token(ROBOT, True, now))
-        self.hub.take_frame(ROBOT, "public", edge.frame(now, force_key=True), edge.stamp(now), now)
+        self.hub.receive_frame(ROBOT, "public", edge.frame(now, force_key=True), edge.stamp(now), now)
         self.hub.take_snapshot(ROBOT, "public", edge.snapshot(), edge.stamp(now), now)
-        judge = self.access.judge
-        grant = judge(Applicant(ROBOT, None, who=ANYONE))
+        admit = self.access.admit
+        grant = admit(Applicant(ROBOT, None, who=ANYONE))
         assert isinstance(grant, Grant)
         for _ in range(VIEWERS):
             live.join(Viewer(Screen(), ROBOT, grant.view, 30.0, limits, now, 1e9, grant=grant))
@@ -51,9 +50,9 @@ class Hall:
 
         def count(applicant: Applicant) -> Grant | Refusal:
             self.judged += 1
-            return judge(applicant)
+            return admit(applicant)
 
-        self.access.judge = count  # type: ignore[method-assign]
+        self.access.admit = count  # type: ignore[method-assign]
 
     def rates(self) -> list[float]:
         """The rate of each viewer's grant, in the order in which they came."""

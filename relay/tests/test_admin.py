@@ -14,7 +14,7 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.config.robots_file import read_robots
-from posecast_relay.http.admin.documents import AdminReport, MadeShareLink
+from posecast_relay.http.admin.routes import AdminReport, MadeShareLink
 from posecast_testing import free_port, until
 
 from .command import run_command

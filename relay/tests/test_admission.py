@@ -7,7 +7,8 @@ from http import HTTPStatus
 from itertools import product
 
 import pytest
-from posecast_relay.core.policy.admission import (
+from posecast_relay.core.policy import (
+    ANYONE,
     CROWDED,
     DRAINING,
     FOREIGN,
@@ -15,13 +16,17 @@ from posecast_relay.core.policy.admission import (
     REFUSALS,
     ROBOT_FULL,
     Applicant,
+    Audience,
+    Grant,
     Occupancy,
+    Policy,
+    Principal,
     Refusal,
+    Rule,
     admit,
     find_no_room,
 )
-from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal, Rule
-from posecast_relay.runtime.boundary import FAULT
+from posecast_relay.runtime.tasks import FAULT
 from posecast_wire import Close, Retry, retry_of
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK

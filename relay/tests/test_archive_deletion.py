@@ -11,22 +11,26 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_relay.archive.day_file import check_day, load_day
-from posecast_relay.archive.deletion.eraser import Erased, erase
-from posecast_relay.archive.deletion.tombstone_follower import CLOCKS_APART_MS, SETTLED_MS, TombstoneFollower
-from posecast_relay.archive.deletion.tombstones import (
+from posecast_relay.archive.deletion import (
+    CLOCKS_APART_MS,
     KEPT_MS,
+    SETTLED_MS,
+    Erased,
+    NamedHashes,
+    TombstoneFollower,
+    erase,
     get_tombstone,
     list_tombstones,
     make_stem,
     put_tombstone,
     remove_tombstone,
+    sweep_unnamed,
 )
-from posecast_relay.archive.deletion.unnamed_sweep import NamedHashes, sweep_unnamed
+from posecast_relay.archive.index import check_day, load_day
 from posecast_relay.archive.names import DAY_MS, name_segment, read_segment_key
-from posecast_relay.archive.object_store import ArchiveAway, ObjectStore, open_object_store
-from posecast_relay.core.past.deletions import Deletion, Deletions
-from posecast_relay.deletion_record import make_deletion, pack_deletion
+from posecast_relay.archive.store import ArchiveAway, ObjectStore, open_object_store
+from posecast_relay.past.deletion_record import make_deletion, pack_deletion
+from posecast_relay.past.deletions import Deletion, Deletions
 from posecast_wire.segment import decode_segment, encode_segment
 
 from .archive_world import ArchiveWorld, GatedStore, make_run

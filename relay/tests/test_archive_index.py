@@ -10,7 +10,16 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from posecast_relay.archive.day_file import check_day, list_days, load_day
+from posecast_relay.archive.index import (
+    check_day,
+    forget_bytes,
+    list_days,
+    load_day,
+    load_page,
+    make_segment_record,
+    pack_index,
+    unpack_index,
+)
 from posecast_relay.archive.names import (
     DAY_MS,
     PAGE_MS,
@@ -19,18 +28,9 @@ from posecast_relay.archive.names import (
     name_segment,
     read_segment_key,
 )
-from posecast_relay.archive.page_index import (
-    forget_bytes,
-    load_page,
-    make_segment_record,
-    pack_index,
-    unpack_index,
-)
-from posecast_relay.core.past.audience_letters import read_letters, write_letters
-from posecast_relay.core.past.day_index import DayIndex, digest_page, pack_day, sum_minutes, unpack_day
-from posecast_relay.core.past.day_reach import reach_day
-from posecast_relay.core.past.kept_segment import KeptSegment, PastWord
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
+from posecast_relay.past.index import DayIndex, digest_page, list_shown, pack_day, sum_minutes, unpack_day
+from posecast_relay.past.segment import KeptSegment, PastWord, pack_audiences, unpack_audiences
 from posecast_testing import count_examples
 from posecast_wire.messages import RobotStatus
 from posecast_wire.segment import SegmentError
@@ -99,7 +99,7 @@ def test_a_day_is_read_as_it_was_written(found: list[tuple[int, frozenset[Audien
     assert sorted(digest.minutes) == sorted(sum_minutes(segments))
     seen = frozenset().union(*(audiences for _, audiences in found)) if found else frozenset()
     assert day.find_models() == ({"ab" * 32: seen} if found else {})
-    for span in reach_day(day).spans:
+    for span in list_shown(day).spans:
         own = [each for each in segments if each.audiences == span.audiences]
         assert (span.from_ms, span.to_ms) == (min(e.from_ms for e in own), max(e.to_ms for e in own))
 
@@ -181,11 +181,11 @@ def test_a_day_of_another_or_damaged_is_refused() -> None:
 
 
 def test_letters() -> None:
-    assert write_letters([]) == "x"
-    assert read_letters("x") == frozenset()
+    assert pack_audiences([]) == "x"
+    assert unpack_audiences("x") == frozenset()
     for text in ("", "b", "aa", "sl", "ax"):
         with pytest.raises(ValueError, match="audiences"):
-            read_letters(text)
+            unpack_audiences(text)
 
 
 async def test_indexes_are_written_when_ten_minutes_are_over_and_at_the_end(tmp_path: Path) -> None:

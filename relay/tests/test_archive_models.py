@@ -7,9 +7,8 @@ from pathlib import Path
 
 import httpx
 import pytest
-from posecast_relay.archive.models.keeper import ModelKeeper, make_model_key
-from posecast_relay.archive.models.source import JoinedModelSource
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.archive.models import JoinedModelSource, ModelKeeper, make_model_key
+from posecast_relay.core.policy import Audience, Rule
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_testing import until_async
 

@@ -9,14 +9,12 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.archive import reader
-from posecast_relay.archive.day_file import mend_day, mend_page
+from posecast_relay.archive.index import make_segment_record, mend_day, mend_page
 from posecast_relay.archive.names import DAY_MS, PAGE_MS, make_day_key, make_page_folder, name_segment
-from posecast_relay.archive.page_index import make_segment_record
-from posecast_relay.core.past.day_index import DayIndex, PageDigest, digest_page, pack_day
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.memory_store import TakeSpan
-from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.http.past.address import write_day, write_minute
+from posecast_relay.core.policy import Audience, Rule
+from posecast_relay.past.documents import write_day, write_minute
+from posecast_relay.past.index import DayIndex, PageDigest, digest_page, pack_day
+from posecast_relay.past.segment import KeptSegment, TakeSpan
 from posecast_wire.segment import EventRecord, Record, Segment, decode_segment, encode_segment
 
 from . import past_doors

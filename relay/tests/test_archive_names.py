@@ -15,8 +15,8 @@ from posecast_relay.archive.names import (
     read_page,
     read_segment_key,
 )
-from posecast_relay.core.past.kept_segment import SegmentName
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
+from posecast_relay.past.segment import SegmentName
 
 from .past_doors import DAY, PAGE_MS, make_kept
 

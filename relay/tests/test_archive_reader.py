@@ -7,14 +7,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive import joined_past
+from posecast_relay.archive import joined
 from posecast_relay.archive.names import DAY_MS, PAGE_MS
-from posecast_relay.archive.object_store import ObjectStore
 from posecast_relay.archive.reader import OLD_S
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.archive.store import ObjectStore
+from posecast_relay.core.policy import Audience, Rule
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
+from posecast_relay.past.segment import KeptSegment
 from posecast_testing import until_async
 
 from . import past_doors
@@ -105,14 +104,14 @@ async def test_who_plays_an_older_past_costs_no_more_than_the_segments(
     world.unix_ms = START + 2 * PAGE_MS
     doors = world.make_doors({"r": {Audience.ANYONE: Rule(past_s=86400.0)}}, MemoryPastSource(front))
     await doors.start()
-    put_together, times = joined_past._put_together, 0
+    put_together, times = joined._put_together, 0
 
     def count(*parts: Iterable[KeptSegment]) -> MemoryPast:
         nonlocal times
         times += 1
         return put_together(*parts)
 
-    monkeypatch.setattr(joined_past, "_put_together", count)
+    monkeypatch.setattr(joined, "_put_together", count)
     for segment in (*older, *newer):
         assert (await doors.ask(past_doors.address_of(segment))).content == segment.data
     assert times == 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from posecast_relay.archive.day_file import check_day, load_day
+from posecast_relay.archive.index import check_day, load_day
 from posecast_relay.archive.names import DAY_MS, PAGE_MS, read_segment_key
 
 from . import past_doors

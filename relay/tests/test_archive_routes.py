@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_relay.archive.joined_past import JoinedPast
+from posecast_relay.archive.joined import JoinedPast
 from posecast_relay.archive.names import DAY_MS, PAGE_MS
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.http.past import routes
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.core.policy import Audience, Rule
+from posecast_relay.past import routes
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
 
 from . import past_doors
 from .archive_world import ArchiveWorld, break_store, make_run
@@ -184,7 +183,7 @@ async def test_many_who_ask_for_the_same_cost_one_read(
 ) -> None:
     import asyncio
 
-    from posecast_relay.archive.object_store import ObjectStore
+    from posecast_relay.archive.store import ObjectStore
 
     reads: list[str] = []
     get = ObjectStore.get

@@ -19,7 +19,7 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.archive.names import read_segment_key
-from posecast_relay.archive.object_store import ArchiveRefused, open_object_store
+from posecast_relay.archive.store import ArchiveRefused, open_object_store
 from posecast_testing import until
 
 from .s3_server import BUCKET, Proxy, S3Server

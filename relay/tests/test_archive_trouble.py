@@ -8,12 +8,17 @@ import stat
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.deletion.tombstone_follower import TombstoneFollower
-from posecast_relay.archive.free_space import SpaceWatch
-from posecast_relay.archive.indexer import PROBE_KEY
-from posecast_relay.archive.object_store import ArchiveError, ArchiveRefused, FreeSpace, open_object_store
+from posecast_relay.archive.deletion import TombstoneFollower
+from posecast_relay.archive.store import (
+    ArchiveError,
+    ArchiveRefused,
+    FreeSpace,
+    SpaceWatch,
+    open_object_store,
+)
+from posecast_relay.archive.upkeep import PROBE_KEY
 from posecast_relay.config.settings import StartError, parse
-from posecast_relay.core.past.deletions import Deletions
+from posecast_relay.past.deletions import Deletions
 from posecast_relay.server.archive import ArchiveServices, make_archive
 from posecast_testing import until_async
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from posecast_relay.archive.names import name_segment, read_segment_key
 from posecast_relay.archive.writer import PUTS_AT_ONCE, ROBOTS_AT_ONCE, ArchiveWriter
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.past.segment import KeptSegment
 from posecast_testing import until_async
 
 from .archive_world import ArchiveWorld, GatedStore, break_store, make_run

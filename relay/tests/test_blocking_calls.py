@@ -15,15 +15,15 @@ from typing import Any
 import pytest
 from posecast_relay.auth import tokens
 from posecast_relay.auth.tokens import Tokens, Unverifiable
-from posecast_relay.blocking_calls import BlockingCalls
-from posecast_relay.core.policy.policy import Audience, Principal
+from posecast_relay.core.policy import Audience, Principal
 from posecast_relay.mirror.firebase import ServiceAccount
+from posecast_relay.runtime.tasks import BlockingCalls
 from posecast_testing import until_async
 
 HANGS = """
 import asyncio, os, sys, time
 from types import SimpleNamespace
-from posecast_relay.archive.object_store import ArchiveAway, open_object_store
+from posecast_relay.archive.store import ArchiveAway, open_object_store
 from posecast_relay.auth.tokens import Tokens
 
 def hang(_):

@@ -41,8 +41,8 @@ AT_OTHER_TIMES = {
     "HttpConnection.timeout_keep_alive_handler",
     "Access.on_policy",
     "Access._tell_recorder",
-    "Access._rejudge",
-    "Access._judge_again",
+    "Access._readmit",
+    "Access._apply_policy",
     "Access.renew",
     "Addresses.leave",  # of an address that is counted: not of this machine's own
     "EventStream.end",
@@ -57,7 +57,7 @@ NAMED = {
         "LiveSocket._text",
         "LiveSocket._may_send",
         "LiveSocket._enter",
-        "LiveSocket._show",
+        "LiveSocket._verify_token",
     ),
     *("LiveSocket._enter_by", "LiveSocket._refuse_entry", "LiveSocket.write_as", "LiveSocket.resume_writing"),
     *(
@@ -65,7 +65,7 @@ NAMED = {
         "EventStream.resume_writing",
         "EventStreamEncoding.encode",
         "JsonEncoding.encode",
-        "Access.judge",
+        "Access.admit",
     ),
 }
 ANSWERED = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from posecast_relay.core.breaker import FAILURES, PAUSE_MAX_S, PAUSE_S, Breaker
+from posecast_relay.kit import FAILURES, PAUSE_MAX_S, PAUSE_S, Breaker
 
 
 def test_it_opens_after_some_failures_and_pauses_longer_and_longer() -> None:

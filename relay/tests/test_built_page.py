@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from posecast_relay.config.built_page import CHECKOUT, PLACES, find_page
+from posecast_relay.config.settings import CHECKOUT, PLACES, find_page
 
 
 def test_the_page_in_the_package_comes_before_that_of_the_checkout(tmp_path: Path) -> None:

@@ -6,7 +6,9 @@ import itertools
 import random
 
 import pytest
-from posecast_relay.core.viewer.cadence import Cadence, RateTimer, grant_hz
+from posecast_relay.core.room import RateTimer
+from posecast_relay.core.stream import Cadence
+from posecast_relay.core.viewer import grant_hz
 
 from .sim import World
 

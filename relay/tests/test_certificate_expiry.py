@@ -10,7 +10,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from posecast_relay.zenoh.certificate_expiry import read_expiry
+from posecast_relay.zenoh.router import read_expiry
 from posecast_testing import free_port
 
 from .certificates import KEY, certificates

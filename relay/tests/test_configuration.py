@@ -11,7 +11,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from posecast_relay.zenoh.certificates import CertificateError, RouterCertificates
+from posecast_relay.zenoh.router import CertificateError, RouterCertificates
 from posecast_testing import Process, free_port, until
 from posecast_wire import Credential
 

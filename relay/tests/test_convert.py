@@ -19,16 +19,16 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.models.keeper import make_model_key
-from posecast_relay.archive.object_store import open_object_store
+from posecast_relay.archive.models import make_model_key
+from posecast_relay.archive.store import open_object_store
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.export import recording_files
+from posecast_relay.export import span
+from posecast_relay.past.segment import KeptSegment
 from posecast_relay.past_command import convert
+from posecast_relay.past_command.common import write_moment
 from posecast_relay.past_command.convert import run_convert
 from posecast_relay.past_command.main import run_past
-from posecast_relay.past_command.moments import write_moment
-from posecast_relay.recording.zip_file import pack_recording
+from posecast_relay.recording.output import pack_recording
 from posecast_wire.recording import PastRecording, segment_path
 
 from .export_stage import messages_of
@@ -370,7 +370,7 @@ def test_a_gigabyte_in_a_small_zip_is_refused_without_unpacking_it(saved: Saved,
 def test_more_entries_than_any_recording_has_are_refused(
     saved: Saved, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording_files, "ENTRIES_MAX", 10)
+    monkeypatch.setattr(span, "ENTRIES_MAX", 10)
     assert re.search(
         r"walk\.posecast: \d\d entries, 10 allowed$",
         run_refused(capsys, saved.folder / "walk.posecast", saved.folder / "x.csv"),

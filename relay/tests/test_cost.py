@@ -16,24 +16,20 @@ from typing import Any
 
 import pytest
 from posecast_relay.auth.access import Access
-from posecast_relay.auth.addresses import find_real_address, parse_networks
-from posecast_relay.auth.origins import may_show
+from posecast_relay.auth.addresses import find_real_address, may_show, parse_networks
 from posecast_relay.config.robots_file import read_robots
+from posecast_relay.core import messages
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.share_link import read_link
-from posecast_relay.core.viewer import messages
+from posecast_relay.core.policy import read_link
+from posecast_relay.kit import json_bytes
 from posecast_relay.logging import visible
 from posecast_relay.models.manifest import read_manifest
-from posecast_relay.plain_json import json_bytes
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.net.encodings import DecodeCache, EventStreamEncoding
+from posecast_relay.net.request import join_all, read_bearer, read_target
+from posecast_relay.net.websocket import make_live_protocol, read_short_text
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.encodings import EventStreamEncoding
-from posecast_relay.streaming.request import join_all, read_bearer, read_target
-from posecast_relay.streaming.viewer_frames import read_short_text
-from posecast_relay.streaming.websocket import make_live_protocol
 
 from .test_flood import BEGUN, MASK, PIECE, PING, Wire, request
 from .test_http_connection import CHUNKED, GET, POST, Desk

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 
-from posecast_relay.http.robot_state import StateReader
-from posecast_relay.streaming.decode_cache import CHANNELS_PER_S, ROBOT_CHANNELS_PER_S, DecodeCache
-from posecast_relay.streaming.turns import CREDIT_S
+from posecast_relay.http.robots import StateReader
+from posecast_relay.kit import CREDIT_S
+from posecast_relay.net.encodings import CHANNELS_PER_S, ROBOT_CHANNELS_PER_S, DecodeCache
 from posecast_wire import Schema, build_schema_text
 
 from .sim import World

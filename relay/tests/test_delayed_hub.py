@@ -6,11 +6,11 @@ import json
 from random import Random
 
 import pytest
-from posecast_relay.core import delayed_hub
+from posecast_relay.core import delayed
 from posecast_relay.core.actions import Persist
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.viewer import Viewer
 
 from .sim import UNIX_S, Edge, Screen, World, schema
 
@@ -114,7 +114,7 @@ def test_who_comes_late_to_the_past_gets_it_in_one_write() -> None:
 
 
 def test_a_full_ring_leaves_out_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(delayed_hub, "ENTRIES_MAX", 60)  # two seconds of five
+    monkeypatch.setattr(delayed, "ENTRIES_MAX", 60)  # two seconds of five
     world = Late()
     edge = world.on_air(key_every_s=1.0)
     _, screen = world.watch()
@@ -127,7 +127,7 @@ def test_a_full_ring_leaves_out_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_ring_is_bounded_in_bytes_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(delayed_hub, "BYTES_MAX", 3000)
+    monkeypatch.setattr(delayed, "BYTES_MAX", 3000)
     world = Late()
     edge = world.on_air()
     world.run(edge, 20.0)

@@ -9,17 +9,15 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
+from posecast_relay.core import messages
 from posecast_relay.core.actions import Fault, RequestSnapshot, Send, SubscribeRobot, VerifyToken
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
 from posecast_relay.runtime import dispatcher as dispatcher_module
-from posecast_relay.runtime.dispatcher import Dispatcher, NoSource
-from posecast_relay.runtime.fan_out import SLICE, FanOut
-from posecast_relay.runtime.io_uring import IoUring
-from posecast_relay.store_memory import MemoryStore
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, NoSource
+from posecast_relay.runtime.fan_out import SLICE, FanOut, IoUring
 from posecast_wire import Close
 
 from .sim import Edge, Screen, schema
@@ -109,7 +107,7 @@ async def test_a_crowd_is_served_in_slices_and_frames_meanwhile_replace_each_oth
 
     def publish() -> None:
         now = dispatcher.now()
-        dispatcher.hub.take_frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        dispatcher.hub.receive_frame("r", "public", edge.frame(now), edge.stamp(now), now)
         dispatcher.flush()
 
     publish()
@@ -184,7 +182,7 @@ def serving(store: MemoryStore) -> tuple[Dispatcher, Callable[[], None]]:
 
     def publish() -> None:
         now = dispatcher.now()
-        dispatcher.hub.take_frame("r", "public", edge.frame(now), edge.stamp(now), now)
+        dispatcher.hub.receive_frame("r", "public", edge.frame(now), edge.stamp(now), now)
         dispatcher.flush()
 
     publish()

@@ -8,7 +8,7 @@ import threading
 from typing import Any
 
 import pytest
-from posecast_relay.redis.dns import HostLookup
+from posecast_relay.redis.client import HostLookup
 
 
 async def test_a_name_that_is_there_and_names_that_are_not() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 
 import pytest
-from posecast_relay.core.edge_messages import make_conflict_event, read_edge_message
 from posecast_relay.core.limits import Limits
+from posecast_relay.core.messages import make_conflict_event, read_edge_message
 
 EVENT = {"type": "event", "t": 1.5, "level": "fault", "source": "RKN", "text": "jam", "state": "on"}
 

@@ -12,13 +12,12 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 from posecast_relay.export import mcap_file
-from posecast_relay.export.cdr import CdrMessage
+from posecast_relay.export.link_poses import FrameReadings, LinkPose, LinkPoses, compose_poses
 from posecast_relay.export.mcap_file import TooManyTopicsError
-from posecast_relay.export.ros_topics import make_topic_part
+from posecast_relay.export.model_tree import read_model_tree
+from posecast_relay.export.ros_messages import CdrMessage
+from posecast_relay.export.ros_topics import find_factor, make_topic_part
 from posecast_relay.export.table import TableReader, TableRow
-from posecast_relay.kinematics.link_poses import FrameReadings, LinkPose, LinkPoses, compose_poses
-from posecast_relay.kinematics.model_tree import read_model_tree
-from posecast_relay.unit_conversion import find_factor
 from posecast_wire import Schema, build_schema_text, compute_joint_values
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore

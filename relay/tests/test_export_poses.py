@@ -7,10 +7,9 @@ import math
 from typing import Any
 
 import pytest
-from posecast_relay.kinematics.link_poses import FrameReadings, LinkPoses
-from posecast_relay.kinematics.manifest_values import ModelTreeError
-from posecast_relay.kinematics.model_tree import read_model_tree
-from posecast_relay.kinematics.rotation import (
+from posecast_relay.export.link_poses import FrameReadings, LinkPoses
+from posecast_relay.export.model_tree import ModelTreeError, read_model_tree
+from posecast_relay.export.rotation import (
     invert_quat,
     multiply_quats,
     normalise_quat,

@@ -13,11 +13,10 @@ from posecast_relay.auth.access import Access
 from posecast_relay.auth.tokens import Tokens
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.net.encodings import DecodeCache
+from posecast_relay.net.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, make_live_protocol
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.websocket import AFTER_END_BYTES, SLICE_BYTES, LiveSocket, make_live_protocol
 from posecast_wire import Close
 
 from .stage import Relay, Watcher

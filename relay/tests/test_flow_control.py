@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.viewer.flow_control import FlowControl
+from posecast_relay.core.viewer import FlowControl
 from posecast_wire import Close
 
 LIMITS = Limits()

@@ -6,7 +6,7 @@ import asyncio
 import gzip
 import os
 
-from posecast_relay.http.gzip_cache import GzipCache, make_packed_name
+from posecast_relay.http.models import GzipCache, make_packed_name
 from posecast_relay.models.memory import ENTRY_BYTES, ModelMemory
 
 

@@ -7,16 +7,14 @@ from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
-from posecast_relay.streaming.handshake_queue import TURN_S, HandshakeQueue
+from posecast_relay.net.sse import TURN_S, HandshakeQueue
 
 
 async def test_many_at_once_leave_room_for_others_and_keep_their_order(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     now, entered, between = 100.0, list[int](), list[int]()
-    monkeypatch.setattr(
-        "posecast_relay.streaming.handshake_queue.time", SimpleNamespace(monotonic=lambda: now)
-    )
+    monkeypatch.setattr("posecast_relay.net.sse.time", SimpleNamespace(monotonic=lambda: now))
     doorway = HandshakeQueue()
 
     def enter(number: int) -> None:

@@ -18,21 +18,21 @@ import uvicorn
 from posecast_relay.auth.access import Access
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.http_connection import (
+from posecast_relay.net.encodings import DecodeCache
+from posecast_relay.net.http1 import (
     BODY_BYTES,
     HEAD_BYTES,
+    HEADS_BYTES,
     LINES,
     PIPELINED,
     TARGET_BYTES,
     HttpConnection,
+    RequestTimeouts,
 )
-from posecast_relay.streaming.request_timeouts import HEADS_BYTES, RequestTimeouts, add_timeouts
-from posecast_relay.streaming.sse import make_http_protocol
-from posecast_relay.streaming.websocket import make_live_protocol
+from posecast_relay.net.sse import make_http_protocol
+from posecast_relay.net.websocket import make_live_protocol
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
+from posecast_relay.runtime.fan_out import FanOut
 
 from .stage import Relay, Watcher
 
@@ -117,7 +117,7 @@ class Desk:
         access, decoded = Access(self.dispatcher), DecodeCache()
         self.cut: list[int] = []
         unasked = RequestTimeouts(self.dispatcher.now, self.cut.append)
-        self._class = add_timeouts(make_http_protocol(access, decoded), unasked)
+        self._class = make_http_protocol(access, decoded, unasked)
         self._config = uvicorn.Config(
             no_app, ws=make_live_protocol(access, decoded), lifespan="off", log_config=None
         )

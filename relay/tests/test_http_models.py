@@ -13,11 +13,10 @@ from typing import Any
 import httpx
 import pytest
 from fastapi import Request
-from posecast_relay.http.gzip_cache import GzipCache
-from posecast_relay.http.models import PIECE_BYTES, make_model_answer
+from posecast_relay.http.models import PIECE_BYTES, GzipCache, make_model_answer
 from posecast_relay.models.cache import RANGE_BYTES, ModelCache
 from posecast_relay.models.memory import IN_USE_S
-from posecast_relay.streaming.http_connection import AnswerAborted
+from posecast_relay.net.http1 import AnswerAborted
 from posecast_testing import until
 
 from .stage import Model, Relay

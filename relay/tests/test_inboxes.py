@@ -6,7 +6,7 @@ import random
 from itertools import permutations
 
 import pytest
-from posecast_relay.zenoh.inboxes import (
+from posecast_relay.zenoh.ingest import (
     BYTES_MAX,
     MESSAGES_MAX,
     OTHERS,

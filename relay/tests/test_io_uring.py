@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 
 import pytest
-from posecast_relay.runtime.io_uring import BATCH, IoUring, Short, write_each
+from posecast_relay.runtime.fan_out import BATCH, IoUring, Short, write_each
 
 WriteEach = Callable[[Sequence[int], bytes], Short]
 Pair = Callable[[], tuple[socket.socket, socket.socket]]

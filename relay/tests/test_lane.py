@@ -13,30 +13,33 @@ from typing import Any
 import httpx
 import pytest
 import websockets
+from posecast_relay.core import messages
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.admission import (
+from posecast_relay.core.policy import (
+    ANYONE,
     CROWDED,
+    DELAYED,
     DRAINING,
     FULL,
-    ROBOT_FULL,
-    Applicant,
-    Occupancy,
-    Refusal,
-    admit,
-    find_no_room,
-)
-from posecast_relay.core.policy.lane import (
-    DELAYED,
     NO_LOOK_BACK,
     NOT_ALL,
     NOT_OPEN,
+    ROBOT_FULL,
+    Applicant,
+    Audience,
+    Grant,
+    Occupancy,
+    Policy,
+    Principal,
+    Refusal,
     RetryPace,
+    Rule,
+    admit,
     explain_no_lane,
     find_lane,
+    find_no_room,
 )
-from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal, Rule
-from posecast_relay.core.viewer import messages
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.viewer import Viewer
 from posecast_testing import free_port, until
 from posecast_wire import Close
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_relay.core.state.lateness import Lateness
+from posecast_relay.core.robot import Lateness
 
 
 def test_lateness_is_above_the_least_of_the_run() -> None:

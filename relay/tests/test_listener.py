@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.config.settings import StartError
-from posecast_relay.core.past.deletions import Deletions
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.server import listener
-from posecast_relay.server.past_socket import PastSocket
+from posecast_relay.past.command_socket import PastSocket
+from posecast_relay.past.deletions import Deletions
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.server import http_server
 from posecast_testing import until
 
 
@@ -30,9 +30,9 @@ def fill(sock: socket.socket) -> None:
 
 
 def test_who_reads_nothing_is_cut_and_who_reads_slowly_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listener, "UNREAD_MS", 2000)
+    monkeypatch.setattr(http_server, "UNREAD_MS", 2000)
     with ExitStack() as stack:
-        door = stack.enter_context(listener.listen("127.0.0.1", 0))
+        door = stack.enter_context(http_server.listen("127.0.0.1", 0))
         sides: list[tuple[socket.socket, socket.socket]] = []
         for _ in range(2):
             viewer = stack.enter_context(socket.socket())
@@ -56,7 +56,7 @@ def test_who_reads_nothing_is_cut_and_who_reads_slowly_is_not(monkeypatch: pytes
 @pytest.mark.parametrize("host", ["a..b", "a" * 80, "no.such.host.invalid"])
 def test_a_host_that_is_none_is_named_in_one_line(host: str) -> None:
     with pytest.raises(StartError, match=f"^--host {host}: [^\n]+$"):
-        listener.listen(host, 0)
+        http_server.listen(host, 0)
 
 
 # ---- Unix sockets -------------------------------------------------------------------

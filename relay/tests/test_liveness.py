@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_relay.core.state.liveness import Liveness
+from posecast_relay.core.robot import Liveness
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from posecast_relay.core.load_shedder import NO_CEILING, LoadShedder
+from posecast_relay.core.load import NO_CEILING, LoadShedder
 from posecast_wire import Close
 
 from .sim import Edge, World
@@ -25,7 +25,7 @@ class Machine:
         self.now += 1.0
         for _ in range(10):
             self.load.record_lag(lag_s)
-        self.load.judge(busy, behind, 100, fastest_hz, self.now)
+        self.load.measure_load(busy, behind, 100, fastest_hz, self.now)
         return self.load.ceiling_hz
 
 
@@ -45,7 +45,7 @@ def test_single_bad_seconds_and_one_long_stop_mean_nothing() -> None:
     for lag_s in [0.001] * 5 + [30.0] + [0.001] * 4:
         machine.load.record_lag(lag_s)
     for _ in range(3):
-        assert not machine.load.judge(0.1, 0, 100, 30.0, machine.now)
+        assert not machine.load.measure_load(0.1, 0, 100, 30.0, machine.now)
 
 
 def test_it_goes_down_as_far_as_it_must_and_no_further() -> None:
@@ -96,7 +96,7 @@ def overload(world: World, busy: float, seconds: int, edge: Edge) -> None:
         world.run(edge, 1.0)
         for viewer in world.hub.viewers:
             viewer.record_heard(world.now)
-        world.do(world.hub.judge_load(busy, world.now))
+        world.do(world.hub.measure_load(busy, world.now))
 
 
 def test_viewers_are_told_and_served_less_often_then_as_they_asked() -> None:

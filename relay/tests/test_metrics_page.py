@@ -7,13 +7,12 @@ from collections import Counter
 from types import SimpleNamespace
 from typing import Any
 
-from posecast_relay.core.breaker import Breaker
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.http.archive_metrics import ArchiveFigures
-from posecast_relay.http.metrics import RelayCollector
-from posecast_relay.http.past.held_requests import HeldRequests
+from posecast_relay.http.metrics import ArchiveFigures, RelayCollector
+from posecast_relay.kit import Breaker
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.service import HeldRequests
 from posecast_relay.redis.past_writer import RedisPastWriter
 from posecast_relay.redis.store import RedisStore
 from posecast_relay.runtime.dispatcher import Dispatcher
@@ -33,10 +32,12 @@ async def test_every_series_is_explained_and_no_other() -> None:
     store = RedisStore("redis://nowhere", hub, Dispatcher.now, described)
     dispatcher = Dispatcher(hub, store, FanOut(None))
     mirror = SimpleNamespace(written=Counter(), breaker=Breaker())
-    way = RedisPastWriter("redis://nowhere", 1 << 20)
+    connection = RedisPastWriter("redis://nowhere", 1 << 20)
     kept, held = MemoryPast(1 << 20), HeldRequests()
     archive = SimpleNamespace(measure=lambda: ArchiveFigures(None, 0, 0, 0, 0, 0, 0, 1, 2))
-    figures = RelayCollector([dispatcher], mirror, past=kept, way=way, held=held, archive=archive)
+    figures = RelayCollector(
+        [dispatcher], mirror, past=kept, connection=connection, held=held, archive=archive
+    )
     there = {family.name + ("_total" if family.type == "counter" else "") for family in figures.collect()}
     rows = re.findall(r"^\| `(posecast_\w+)", PAGE, re.MULTILINE)
     assert sorted(rows) == sorted(there)

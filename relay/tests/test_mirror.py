@@ -12,7 +12,7 @@ from typing import Any
 
 import httpx
 import pytest
-from posecast_relay.core.mirror import Mirror, NodeChange, VisibleRobot, Written
+from posecast_relay.mirror.changes import Mirror, NodeChange, VisibleRobot, Written
 from posecast_relay.mirror.firebase import BATCH_BYTES, split_batches
 from posecast_testing import until
 from posecast_wire import Decoder

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from posecast_relay.kit import REFUSED_S
 from posecast_relay.models.cache import AT_ONCE, RANGE_BYTES, TRIES, Absent, ModelCache, Unavailable
 from posecast_relay.models.manifest import BYTES_MAX, FILES_MAX
-from posecast_relay.models.refusal_memory import REFUSED_S
 
 MB = 1_000_000
 

@@ -12,14 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.object_store import (
-    LISTED,
-    ArchiveAway,
-    ArchiveRefused,
-    ObjectStore,
-    open_object_store,
-)
-from posecast_relay.store_url import StoreUrlError, check_store_url
+from posecast_relay.archive.store import LISTED, ArchiveAway, ArchiveRefused, ObjectStore, open_object_store
+from posecast_relay.config.store_url import StoreUrlError, check_store_url
 from posecast_wire.command_line.installation import advise_extra
 
 

@@ -11,14 +11,13 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from posecast_relay.core.histogram import BOUNDS_S, Histogram
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.http.metrics import RelayCollector
+from posecast_relay.kit import BOUNDS_S, Histogram
 from posecast_relay.logging import JsonLines
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
 from posecast_testing import free_port, until
 from posecast_wire import Close
 from prometheus_client.parser import text_string_to_metric_families
@@ -90,7 +89,7 @@ async def test_a_ceiling_for_delayed_viewers_shows_as_well() -> None:
 
     assert read() == float("inf")
     for second in range(3):
-        hubs[1].load.judge(busy=1.0, behind=0, viewers=1, fastest_hz=30.0, now=float(second))
+        hubs[1].load.measure_load(busy=1.0, behind=0, viewers=1, fastest_hz=30.0, now=float(second))
     assert read() == 15.0
 
 

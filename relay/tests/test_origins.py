@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_relay.auth.origins import may_show
+from posecast_relay.auth.addresses import may_show
 
 LISTED = ("https://good.com", "https://lab.example:8443")
 

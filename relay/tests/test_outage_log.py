@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from posecast_relay.core.outage_log import CALM_S, OutageLog
+from posecast_relay.kit import CALM_S, OutageLog
 
 
 def test_a_server_that_is_late_again_and_again_is_one_trouble() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import httpx
 import pytest
-from posecast_relay.http.page_address import find_home, place_page, read_robots
+from posecast_relay.http.previews import find_home, place_page, read_robots
 
 from .stage import SharedRelay
 

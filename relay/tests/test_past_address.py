@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from posecast_relay.http.past.address import (
+from posecast_relay.past.documents import (
     DAY_MS,
     PAGE_MS,
     AddressError,

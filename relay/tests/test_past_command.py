@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.object_store import NO_SPACE, ArchiveRefused, ObjectStore
+from posecast_relay.archive.store import NO_SPACE, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.past.deletions import Deletions
-from posecast_relay.core.past.memory_store import MemoryPast
+from posecast_relay.past.command_socket import PastSocket
+from posecast_relay.past.deletions import Deletions
+from posecast_relay.past.memory import MemoryPast
 from posecast_relay.past_command.main import run_past
-from posecast_relay.server.past_deletion import ObedientMemory
-from posecast_relay.server.past_socket import PastSocket
+from posecast_relay.server.past import ObedientMemory
 
 from .archive_world import ArchiveWorld, make_run
 from .past_doors import PAGE_MS, make_kept

@@ -7,16 +7,15 @@ import dataclasses
 from typing import Any
 
 import pytest
-from posecast_relay.core.past.deletions import KNOWN_MAX, SPANS_MAX, Deletion, Deletions
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.past.segment_record import pack_record
-from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.deletion_record import make_deletion, pack_deletion, unpack_deletion
-from posecast_relay.past_source_memory import MemoryPastSource
-from posecast_relay.redis.deletions.feed import KEY, RedisDeletions
-from posecast_relay.redis.past_replica import PastReplica
+from posecast_relay.core.policy import Audience, Rule
+from posecast_relay.past.deletion_record import make_deletion, pack_deletion, unpack_deletion
+from posecast_relay.past.deletions import KNOWN_MAX, SPANS_MAX, Deletion, Deletions
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
+from posecast_relay.past.segment import pack_record
+from posecast_relay.redis.past_deletions import KEY, RedisDeletions
+from posecast_relay.redis.past_reader import PastReplica
 from posecast_relay.redis.past_scripts import stream_key
-from posecast_relay.server.past_deletion import ObedientMemory
+from posecast_relay.server.past import ObedientMemory
 from posecast_testing import until_async
 
 from .past_doors import DAY, PAGE, PAGE_MS, PastDoors, address_of, make_kept
@@ -106,7 +105,7 @@ async def test_a_list_that_a_browser_has_is_asked_for_again_and_lacks_what_was_d
     try:
         for index in range(3):
             doors.keep(index, PAGE_MS + 60_000 * index)
-        ObedientMemory(doors.past, doors.desk.deletions)
+        ObedientMemory(doors.past, doors.service.deletions)
         doors.unix_ms = PAGE_MS + 700_000
         had: dict[str, str] = {}
         for path in ("", f"public/{DAY}", f"public/{PAGE}", f"public/{PAGE}/keys"):
@@ -114,8 +113,8 @@ async def test_a_list_that_a_browser_has_is_asked_for_again_and_lacks_what_was_d
             assert "max-age=1" in answer.headers["cache-control"].split(", "), path
             had[path] = answer.headers["etag"]
             assert (await doors.ask(path, if_none_match=had[path])).status_code == 304, path
-        doors.desk.deletions.add(order(60_000, 61_000))
-        doors.desk.deletions.add(order(-500_000, -400_000))  # out of sight
+        doors.service.deletions.add(order(60_000, 61_000))
+        doors.service.deletions.add(order(-500_000, -400_000))  # out of sight
         for path, etag in had.items():
             answer = await doors.ask(path, if_none_match=etag)
             assert answer.status_code == 200, path
@@ -178,11 +177,11 @@ async def test_an_answer_that_is_being_made_holds_nothing_that_was_deleted() -> 
         segment = make_kept(0, PAGE_MS, elsewhere_bytes=1)
         doors.unix_ms = PAGE_MS + 10_000
         for path in (address_of(segment), f"public/{PAGE}/keys"):
-            deletions = doors.desk.deletions = Deletions()  # as in a process that knows of none
-            deletions.on_added(doors.desk._forget)
+            deletions = doors.service.deletions = Deletions()  # as in a process that knows of none
+            deletions.on_added(doors.service._forget)
             ObedientMemory(past, deletions)
             past.add(segment, 0.0)
-            doors.desk.answers.clear()
+            doors.service.answers.clear()
             assert (await doors.ask(f"public/{DAY}")).json()["minutes"]
             under_way.clear()
             go_on.clear()
@@ -193,7 +192,7 @@ async def test_an_answer_that_is_being_made_holds_nothing_that_was_deleted() -> 
             assert (await asked).status_code in (404, 503), path
             # at once, though an answer of before is younger than a second
             assert (await doors.ask(f"public/{DAY}")).json()["minutes"] == []
-            assert not doors.desk.keys._poses
+            assert not doors.service.keys._poses
     finally:
         go_on.set()
         await doors.stop()
@@ -227,8 +226,8 @@ async def test_a_deletion_at_one_process_reaches_redis_and_each_gateway(redis_se
         ObedientMemory(fleet.ingest.past, here)
         ways = [RedisDeletions(redis_server.url, here)]
         for door, reader in zip(fleet.gateways, fleet.readers, strict=True):
-            door.desk.deletions = reader._deletions
-            reader._deletions.on_added(door.desk._forget)
+            door.service.deletions = reader._deletions
+            reader._deletions.on_added(door.service._forget)
             ways.append(RedisDeletions(redis_server.url, reader._deletions))
         for way in ways:
             way.start()

@@ -17,7 +17,7 @@ from typing import Any
 import httpx
 import pytest
 from posecast_relay.archive.names import ArchivedName, name_segment, read_segment_key
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.past.segment import KeptSegment
 from posecast_testing import until
 
 from .command import run_command

@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import pytest
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.policy.share_link import make_link
+from posecast_relay.core.policy import make_link
 from posecast_relay.past_command.main import run_past
-from posecast_relay.recording import http_client
+from posecast_relay.recording import http_source
 from posecast_testing import free_port, until
 from posecast_wire.recording import decode_recording, segment_path
 
@@ -296,7 +296,7 @@ def test_a_robot_that_is_off_costs_its_model_and_not_its_past(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A relay without an archive gets a model's files from the robot."""
-    monkeypatch.setattr(http_client, "AGAIN_S", 0.5)
+    monkeypatch.setattr(http_source, "AGAIN_S", 0.5)
     files = {"high.glb": (os.urandom(3000), "model/gltf-binary"), "small.png": (PNG, "image/png")}
     relay = Relay(tmp_path, "--past", "memory:")
     edge = ZenohEdge(relay.zenoh, model=Model(files))

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.object_store import open_object_store
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.export.held_time import HeldTime
+from posecast_relay.archive.store import open_object_store
+from posecast_relay.export.table import HeldTime
+from posecast_relay.past.segment import KeptSegment
+from posecast_relay.past_command.common import write_moment, write_moment_utc
 from posecast_relay.past_command.main import run_past
-from posecast_relay.past_command.moments import write_moment, write_moment_utc
 from posecast_wire.command_line.progress_bar import ProgressBar
 from posecast_wire.segment import decode_segment
 

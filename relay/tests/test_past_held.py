@@ -8,10 +8,10 @@ from collections.abc import AsyncIterator, Iterator
 
 import pytest
 import uvicorn
-from posecast_relay.core.policy.policy import Audience, Policy, Rule
+from posecast_relay.core.policy import Audience, Policy, Rule
 from posecast_relay.http.metrics import RelayCollector
-from posecast_relay.http.past import routes
-from posecast_relay.http.past.held_requests import HELD_MAX, TOLD_EVERY_S, WOKEN_PER_TURN, HeldRequests
+from posecast_relay.past import routes
+from posecast_relay.past.service import HELD_MAX, REPORTED_EVERY_S, WOKEN_PER_TURN, HeldRequests
 from posecast_relay.redis.gateway import GRACE_S
 from posecast_relay.server.http_server import RelayServer
 from posecast_testing import until_async
@@ -46,12 +46,12 @@ async def test_the_next_one_is_held_until_it_is_there(doors: PastDoors) -> None:
     await doors.until_held(20)
     doors.keep(0, PAGE_MS, robot="other", audiences=frozenset(Audience))  # wakes nobody
     doors.keep(0, PAGE_MS, view="lab")
-    assert doors.desk.held.count == 20
+    assert doors.service.held.count == 20
     segment = doors.keep(1, PAGE_MS + 4000)
     for answer in await asyncio.gather(*held):
         assert (answer.status_code, answer.content) == (200, segment.data)
         assert answer.headers["cache-control"] == "public, max-age=1794"
-    assert doors.desk.held.count == 0
+    assert doors.service.held.count == 0
 
 
 async def test_who_asks_keeps_a_gateway_listening_to_that_robot(
@@ -92,7 +92,7 @@ async def test_not_yet_is_said_after_a_while_and_at_once_to_head(
         assert answer.headers["retry-ms"] == "1000"
         assert answer.headers["cache-control"] == "public, max-age=1"
         assert answer.headers["access-control-expose-headers"] == "age, date, etag, retry-ms, retry-after"
-    assert doors.desk.held.count == doors.desk.held.turned_away == 0
+    assert doors.service.held.count == doors.service.held.turned_away == 0
 
 
 @pytest.mark.usefixtures("many_files")
@@ -113,10 +113,10 @@ async def test_no_more_are_held_than_may_be_and_further_ones_are_answered_at_onc
         assert done
         told |= done
     assert {answer.result() for answer in told} == {b"HTTP/1.1 204 No Content\r\n"}
-    assert (len(told), doors.desk.held.count, doors.desk.held.turned_away) == (50, HELD_MAX, 50)
+    assert (len(told), doors.service.held.count, doors.service.held.turned_away) == (50, HELD_MAX, 50)
     told_of = {
         sample.name: sample.value
-        for family in RelayCollector([doors.access.live], held=doors.desk.held).collect()
+        for family in RelayCollector([doors.access.live], held=doors.service.held).collect()
         for sample in family.samples
     }
     assert told_of["posecast_past_held_requests"] == HELD_MAX
@@ -125,7 +125,7 @@ async def test_no_more_are_held_than_may_be_and_further_ones_are_answered_at_onc
     for _, writer in links:
         writer.transport.abort()
     await doors.until_held(0)
-    assert not doors.desk.held._waiting
+    assert not doors.service.held._waiting
     await asyncio.gather(*answers, return_exceptions=True)
 
 
@@ -143,10 +143,10 @@ async def test_who_leaves_is_held_no_longer(doors: PastDoors) -> None:
 async def test_all_are_let_go_when_the_relay_stops(doors: PastDoors) -> None:
     held = [asyncio.create_task(doors.ask(NEXT)) for _ in range(10)]
     await doors.until_held(10)
-    doors.desk.held.release()
+    doors.service.held.release()
     assert {answer.status_code for answer in await asyncio.gather(*held)} == {204}
     assert (await doors.ask(NEXT)).status_code == 204
-    assert doors.desk.held.turned_away == 0
+    assert doors.service.held.turned_away == 0
 
 
 async def test_who_waits_is_judged_anew_at_once_when_the_rules_change(doors: PastDoors) -> None:
@@ -155,7 +155,7 @@ async def test_who_waits_is_judged_anew_at_once_when_the_rules_change(doors: Pas
     holder = asyncio.create_task(doors.ask(f"lab/{TAKE:016x}/1", link("r")))
     await doors.until_held(6)
     doors.access.set_policy(Policy({"r": {A: Rule(past_s=900), L: Rule("lab", past_s=600)}}))
-    asked = doors.desk.held.count
+    asked = doors.service.held.count
     doors.access.set_policy(Policy({"r": {A: Rule(blackout=True), L: Rule("lab", past_s=600)}}))
     assert asked == 6
     assert {answer.status_code for answer in await asyncio.gather(*anyone)} == {404}
@@ -188,7 +188,7 @@ async def test_what_is_not_the_next_one_is_not_held(doors: PastDoors) -> None:
     assert (await held[1]).json() == {"next": {"take": f"{0xC:016x}", "index": 7}}
     segment = doors.keep(8, PAGE_MS + 4000, take=0xC)
     assert (await held[0]).content == segment.data
-    assert doors.desk.held.answers == {"none": 4, "next": 1, "segment": 1}
+    assert doors.service.held.answers == {"none": 4, "next": 1, "segment": 1}
 
 
 async def test_what_caches_go_by(doors: PastDoors, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,7 +234,7 @@ async def test_a_thousand_who_are_held_and_leave_take_nobodys_place(doors: PastD
         for _, writer in links:
             writer.transport.abort()
         await doors.until_held(0)
-    assert not doors.desk.held._waiting
+    assert not doors.service.held._waiting
     await until_async("no request is under way", lambda: not doors.server.server_state.tasks)
     held = [asyncio.create_task(doors.ask(NEXT)) for _ in range(20)]
     await doors.until_held(20)
@@ -247,13 +247,13 @@ async def test_a_relay_that_goes_closes_the_connection_on_which_it_answers(doors
     held = asyncio.create_task(doors.ask(NEXT))
     await doors.until_held(1)
     assert "connection" not in (await doors.ask("")).headers
-    doors.desk.held.release()
+    doors.service.held.release()
     doors.access.live.drain()
     for answer in (await held, await doors.ask(NEXT), await doors.ask(f"public/{TAKE:016x}/0")):
         assert answer.headers["connection"] == "close"
         assert answer.headers["cache-control"].startswith("public, max-age=")
     assert (await held).status_code == 204
-    assert doors.desk.held.count == 0
+    assert doors.service.held.count == 0
 
 
 async def test_what_may_be_seen_is_judged_anew_when_it_is_there(doors: PastDoors) -> None:
@@ -335,10 +335,10 @@ def test_the_log_says_once_a_minute_that_places_are_full(caplog: pytest.LogCaptu
     with held.hold():
         full = "the past: 1 requests wait for the next segment, the limit: %d answered at once so far"
         assert knock(1000) == [full % 1]
-        now_s += TOLD_EVERY_S - 1
+        now_s += REPORTED_EVERY_S - 1
         assert knock(1000) == []
         now_s += 1
         assert knock(2) == [full % 2001]
         held.release()
-        now_s += TOLD_EVERY_S
+        now_s += REPORTED_EVERY_S
         assert knock(2) == []

@@ -10,8 +10,8 @@ from typing import Any
 
 import httpx
 import pytest
-from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.http.past import routes
+from posecast_relay.core.policy import Audience, Rule
+from posecast_relay.past import routes
 from posecast_testing import until
 from posecast_wire.segment import decode_segment
 
@@ -64,18 +64,18 @@ async def test_a_robot_that_pauses(redis_server: Redis, monkeypatch: pytest.Monk
                 assert answer.headers["retry-ms"] == "1000"
                 assert answer.headers["cache-control"] == "public, max-age=1"
                 assert "vary" not in answer.headers
-        assert all(door.desk.held.answers == {"not yet": 3} for door in fleet.doors)
+        assert all(door.service.held.answers == {"not yet": 3} for door in fleet.doors)
 
 
 async def test_a_gateway_that_goes_lets_its_own_go_and_another_holds_them(redis_server: Redis) -> None:
     async with holding(redis_server) as (fleet, held):
         going, other = fleet.gateways
-        going.desk.held.release()
+        going.service.held.release()
         going.access.live.drain()
         for answer in await collect(held[:3]):
             assert (answer.status_code, answer.headers["connection"]) == (204, "close")
             assert answer.headers["cache-control"] == "public, max-age=1"
-        assert other.desk.held.count == 3
+        assert other.service.held.count == 3
         moved = asyncio.create_task(other.ask(NEXT))
         await other.until_held(4)
         segment = await fleet.keep(1, PAGE_MS + 4000)
@@ -88,8 +88,8 @@ async def test_who_leaves(redis_server: Redis) -> None:
         for task in held[:3]:
             task.cancel()
         await fleet.gateways[0].until_held(0)
-        assert fleet.gateways[1].desk.held.count == 3
-        assert fleet.gateways[0].desk.held.list_waiting() == []
+        assert fleet.gateways[1].service.held.count == 3
+        assert fleet.gateways[0].service.held.list_waiting() == []
         await fleet.keep(1, PAGE_MS + 4000)
         assert {answer.status_code for answer in await collect(held[3:])} == {200}
 

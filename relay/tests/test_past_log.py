@@ -9,12 +9,11 @@ from typing import Any
 
 import pytest
 from posecast_relay.config.settings import parse
-from posecast_relay.core.past.deletions import Deletions
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.policy.policy import Audience, Policy, Rule
-from posecast_relay.deletion_record import make_deletion
-from posecast_relay.server.past_deletion import ObedientMemory
-from posecast_relay.server.past_log import CROWD_EVERY_S, PastLog, describe_past
+from posecast_relay.core.policy import Audience, Policy, Rule
+from posecast_relay.past.deletion_record import make_deletion
+from posecast_relay.past.deletions import Deletions
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.server.past import CROWD_EVERY_S, ObedientMemory, PastLog, describe_past
 
 from .past_doors import PAGE_MS, make_kept
 from .test_robots_command import robots

@@ -6,9 +6,9 @@ import hashlib
 import tracemalloc
 
 import pytest
-from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent, PastWord, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.segment import KeptSegment, PastEvent, PastWord, SegmentName, TakeSpan
 
 SCHEMA = "{}"
 SCHEMA_HASH = hashlib.sha256(SCHEMA.encode()).digest()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 
 import pytest
-from posecast_relay.past_command.moments import (
+from posecast_relay.past_command.common import (
     TimeError,
     read_moment,
     write_moment,

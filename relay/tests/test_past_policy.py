@@ -5,16 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import pytest
-from posecast_relay.core.policy.admission import Applicant, admit
-from posecast_relay.core.policy.past import (
+from posecast_relay.core.policy import (
+    PAST_S,
+    Applicant,
+    Audience,
+    Grant,
     PastWindow,
+    Policy,
+    Principal,
+    Rule,
+    admit,
     compute_kept_longest_s,
     compute_kept_s,
     find_past_window,
-    judge_past,
+    is_past_shown,
     list_lookers,
 )
-from posecast_relay.core.policy.policy import PAST_S, Audience, Grant, Policy, Principal, Rule
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK
 NOBODY, SOMEBODY, GUEST = Principal(), Principal(S), Principal(L, "r")
@@ -44,7 +50,7 @@ def may_look(
 ) -> bool:
     """Whether they get a segment that ended so long ago."""
     to_ms = NOW_MS - ago_ms
-    return judge_past(
+    return is_past_shown(
         granted, Stretch(to_ms - length_ms, to_ms, audiences), find_past_window(granted, NOW_MS)
     )
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.past.segment import KeptSegment
 from posecast_testing import count_examples
 from posecast_wire import parse_header
 from posecast_wire.segment import (

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.past.past_reader import NotYet, PastReader
-from posecast_relay.core.policy.policy import Audience, Grant, Policy, Principal, Rule
-from posecast_relay.core.policy.unseen import Unseen
+from posecast_relay.core.policy import Audience, Grant, Policy, Principal, Rule
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.reading import HiddenSpans, NotYet, PastReader
+from posecast_relay.past.segment import KeptSegment, SegmentName
 
 from .past_doors import PAGE_MS, SCHEMA_HASH, make_kept
 
@@ -27,7 +26,7 @@ def keep(*segments: KeptSegment) -> PastReader:
     past = MemoryPast(1 << 24)
     for segment in segments:
         past.add(segment, 0.0)
-    return PastReader(past, Unseen(knows_all=True))
+    return PastReader(past, HiddenSpans(knows_all=True))
 
 
 def kept(take: int, index: int, at: int, audiences: frozenset[Audience] = LIT) -> KeptSegment:

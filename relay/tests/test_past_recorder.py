@@ -6,10 +6,9 @@ from typing import Any
 
 import pytest
 from posecast_relay.core.actions import Fault
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.open_segment import OpenSegment
-from posecast_relay.core.past.stream_recording import StreamRecording
-from posecast_relay.core.policy.policy import Audience, Policy, Rule
+from posecast_relay.core.policy import Audience, Policy, Rule
+from posecast_relay.past.recorder import OpenSegment, StreamRecording
+from posecast_relay.past.segment import KeptSegment
 from posecast_wire.segment import CopyRecord, decode_segment
 
 from .sim import UNIX_S
@@ -135,7 +134,7 @@ def test_a_fault_shows_no_pose_of_the_dark_either(
 ) -> None:
     world, edge = leave_the_dark(dark)
     with monkeypatch.context() as patch:
-        patch.setattr(StreamRecording, "take_frame", fail)
+        patch.setattr(StreamRecording, "append_frame", fail)
         world.hear(edge, edge.frame(world.now))
     assert len(world.recorder.take_faults()) == world.recorder.faults.pop("ZeroDivisionError") == 1
     close_after_next_key(world, edge, 30)

@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from posecast_relay.core.past.kept_segment import PastEvent, PastWord
-from posecast_relay.core.past.segment_record import pack_record, unpack_record
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
+from posecast_relay.past.segment import PastEvent, PastWord, pack_record, unpack_record
 
 from .past_doors import PAGE_MS, make_kept
 

@@ -8,10 +8,9 @@ import logging
 from typing import Any
 
 import pytest
-from posecast_relay.core.past.kept_segment import KeptSegment, PastEvent
-from posecast_relay.core.past.segment_record import pack_record
-from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.http.past import key_pages, routes
+from posecast_relay.core.policy import Audience, Rule
+from posecast_relay.past import routes, service
+from posecast_relay.past.segment import KeptSegment, PastEvent, pack_record
 from posecast_relay.redis import past_reader, past_writer
 from posecast_relay.redis.client import TIMEOUT_S
 from posecast_relay.redis.past_scripts import (
@@ -376,8 +375,8 @@ async def test_pages_of_keys_are_read_in_parts_and_hold_fewer_poses_where_it_is_
         for n in range(16):
             size = len((await fleet.keep(n, PAGE_MS + 4000 * n)).data)
         fleet.ingest.unix_ms = PAGE_MS + 300_000
-        monkeypatch.setattr(key_pages, "LOADED_BYTES", 3 * size)
-        monkeypatch.setattr(key_pages, "LOADED_BYTES_MAX", 9 * size)
+        monkeypatch.setattr(service, "LOADED_BYTES", 3 * size)
+        monkeypatch.setattr(service, "LOADED_BYTES_MAX", 9 * size)
         half = await fleet.ingest.ask(f"public/{PAGE}/keys?every=2")
         whole, *answers = await fleet.ask(f"public/{PAGE}/keys")
         assert len(whole.content) > len(half.content)

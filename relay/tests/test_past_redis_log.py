@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_relay.core import outage_log
+from posecast_relay import kit
 from posecast_relay.redis import past_writer
 from posecast_relay.redis.past_writer import RedisPastWriter
 from posecast_testing import until_async
@@ -40,7 +40,7 @@ async def test_an_outage_is_a_gap_only_where_something_was_lost(
     told: str,
 ) -> None:
     monkeypatch.setattr(past_writer, "QUEUE_BYTES", queue_bytes)
-    monkeypatch.setattr(outage_log, "CALM_S", 0.0)
+    monkeypatch.setattr(kit, "CALM_S", 0.0)
     async with running(redis_server, None) as fleet:
         writer: RedisPastWriter = fleet.writer
         await fleet.keep(0, PAGE_MS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy import Audience, Rule
 from posecast_relay.redis.past_scripts import (
     FORGOTTEN_MAX,
     LEDGER,

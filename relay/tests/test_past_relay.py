@@ -12,7 +12,7 @@ import httpx
 import pytest
 from posecast_relay.config.robots_reader import RobotsError
 from posecast_relay.config.settings import parse
-from posecast_relay.server.robots import load_robots
+from posecast_relay.server.access import load_robots
 from posecast_testing import until
 from posecast_wire import Decoder
 from posecast_wire.segment import CopyRecord, FrameRecord, decode_segment

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.segment_record import pack_record
-from posecast_relay.redis.past_replica import BEGINNING, PastReplica
+from posecast_relay.past.segment import KeptSegment, pack_record
+from posecast_relay.redis.past_reader import BEGINNING, PastReplica
 
 from .past_doors import PAGE_MS, make_kept
 

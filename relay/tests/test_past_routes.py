@@ -12,11 +12,10 @@ from typing import Any
 
 import httpx
 import pytest
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.policy.admission import HIDDEN
-from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.http.answer_cache import AnswerCache
-from posecast_relay.http.past import documents, key_pages, routes
+from posecast_relay.core.policy import HIDDEN, Audience, Rule
+from posecast_relay.net.answer_cache import AnswerCache
+from posecast_relay.past import documents, routes, service
+from posecast_relay.past.segment import KeptSegment
 from posecast_wire.key_page import decode_key_page, encode_key_page
 from posecast_wire.segment import decode_segment
 
@@ -125,7 +124,7 @@ async def test_an_answer_that_expires_during_its_request_is_never_empty(
         now[0] += step_s
         return now[0]
 
-    doors.desk.answers = AnswerCache(read_clock)
+    doors.service.answers = AnswerCache(read_clock)
     for path in ("", f"public/{DAY}", f"public/{PAGE}"):
         first = await doors.ask(path)
         assert shows(first, kept) or first.json()["from_ms"] == kept.from_ms
@@ -345,9 +344,9 @@ async def test_pages_of_keys_are_made_one_after_the_other_and_not_for_ever_more(
     doors.keep(0, PAGE_MS)
     doors.unix_ms = PAGE_MS + 10_000
     let = threading.Event()
-    patched = "posecast_relay.http.past.key_pages.encode_key_page"
+    patched = "posecast_relay.past.service.encode_key_page"
     monkeypatch.setattr(patched, lambda *page: let.wait(20) and encode_key_page(*page))
-    asked = [asyncio.create_task(doors.ask(f"public/{PAGE}/keys")) for _ in range(key_pages.WAITING_MAX + 5)]
+    asked = [asyncio.create_task(doors.ask(f"public/{PAGE}/keys")) for _ in range(service.WAITING_MAX + 5)]
     done: set[asyncio.Task[httpx.Response]] = set()
     while len(done) < 5:
         done |= (await asyncio.wait(set(asked) - done, return_when=asyncio.FIRST_COMPLETED, timeout=10))[0]
@@ -356,7 +355,7 @@ async def test_pages_of_keys_are_made_one_after_the_other_and_not_for_ever_more(
     }
     let.set()
     statuses = [answer.status_code for answer in await asyncio.gather(*asked)]
-    assert statuses.count(200) == key_pages.WAITING_MAX
+    assert statuses.count(200) == service.WAITING_MAX
     assert (await doors.ask(f"public/{PAGE}/keys")).status_code == 200
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import pytest
-from posecast_relay.core.policy import unseen
-from posecast_relay.core.policy.policy import Audience, Grant, Policy, Principal, Rule
-from posecast_relay.core.policy.unseen import Unseen
+from posecast_relay.core.policy import Audience, Grant, Policy, Principal, Rule
+from posecast_relay.past import reading
+from posecast_relay.past.reading import HiddenSpans
 
 A, S = Audience.ANYONE, Audience.SIGNED_IN
 LATE = Rule(delay_s=10.0, past_s=600.0)
@@ -36,9 +36,9 @@ def grant(rule: Rule = LATE) -> Grant:
     return found
 
 
-def change(*policies: Policy, knows_all: bool = True) -> Unseen:
+def change(*policies: Policy, knows_all: bool = True) -> HiddenSpans:
     """The first one came a day before, all others now."""
-    found = Unseen(knows_all)
+    found = HiddenSpans(knows_all)
     found.set_policy(policies[0], NOW_MS - 86_400_000)
     for policy in policies[1:]:
         found.set_policy(policy, NOW_MS)
@@ -90,9 +90,9 @@ def test_what_was_before_the_process_is_not_for_who_sees_late() -> None:
 
 
 def test_what_is_remembered_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(unseen, "SPANS_MAX", 2)
+    monkeypatch.setattr(reading, "SPANS_MAX", 2)
     lit, dark = Policy({"r": {A: LATE}}), Policy({"r": {A: Rule(blackout=True)}})
-    found = Unseen(knows_all=True)
+    found = HiddenSpans(knows_all=True)
     for hour in range(4):
         found.set_policy(lit, NOW_MS + 3_600_000 * hour)
         found.set_policy(dark, NOW_MS + 3_600_000 * hour + 60_000)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-from posecast_relay.streaming.pending_requests import REQUEST_BYTES, STARTED_PER_TURN, PendingRequests
+from posecast_relay.net.http1 import REQUEST_BYTES, STARTED_PER_TURN, PendingRequests
 
 from .stage import Relay, SharedRelay, Watcher
 from .test_http_connection import peak_mb

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_relay.core.policy.policy import Audience, Grant, Policy, Principal, Rule
+from posecast_relay.core.policy import Audience, Grant, Policy, Principal, Rule
 from posecast_wire import Close
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK

@@ -8,7 +8,7 @@ import socket
 from pathlib import Path
 
 import pytest
-from posecast_relay.port_holder import explain_taken, name_holder
+from posecast_relay.runtime.port_holder import explain_taken, name_holder
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1"])

@@ -15,8 +15,8 @@ import pytest
 import websockets
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.policy import Audience, Grant, Principal
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.policy import Audience, Grant, Principal
+from posecast_relay.core.viewer import Viewer
 from posecast_testing import until
 from posecast_wire import Close
 

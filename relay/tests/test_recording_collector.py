@@ -7,7 +7,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from posecast_relay.core.past.kept_segment import KeptSegment
+from posecast_relay.past.segment import KeptSegment
 from posecast_relay.recording import collector
 from posecast_relay.recording.collector import NothingThere
 from posecast_relay.recording.source import ListedSegment, PastDamaged

@@ -9,10 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.object_store import open_object_store
+from posecast_relay.archive.store import open_object_store
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.export.recording_files import RecordingFolder
-from posecast_relay.export.span import ExportedSpan
+from posecast_relay.export.span import ExportedSpan, RecordingFolder
 from posecast_relay.past_command.convert import run_convert
 from posecast_relay.past_command.main import run_past
 from posecast_relay.recording import data_files

@@ -15,9 +15,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
-from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.http.past import documents
-from posecast_relay.recording import http_client, http_source
+from posecast_relay.core.policy import Audience, Rule
+from posecast_relay.past import documents
+from posecast_relay.recording import http_source
 from posecast_relay.recording.collector import Collector
 from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.source import ListedSegment, PartAway, PastDamaged, PastUnreadable
@@ -162,7 +162,7 @@ def busy_first(answer: Answers, before: int) -> None:
 
 
 async def test_what_may_pass_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(http_client, "WAIT_S", 0.01)
+    monkeypatch.setattr(http_source, "WAIT_S", 0.01)
     async with answering(busy_first) as (source, asked):
         assert await source.find_span() == (PAGE_MS, PAGE_MS + 1)
         assert await source.find_span() == (PAGE_MS, PAGE_MS + 1)
@@ -170,7 +170,7 @@ async def test_what_may_pass_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 async def test_at_last_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(http_client, "WAIT_S", 0.01)
+    monkeypatch.setattr(http_source, "WAIT_S", 0.01)
     away: Script = lambda answer, _: answer.send(503, b'{"error":"away"}')  # noqa: E731
     async with answering(away, ask_s=20.0) as (source, asked):
         with pytest.raises(PastUnreadable) as caught:
@@ -180,7 +180,7 @@ async def test_at_last_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 async def test_of_a_robot_that_is_off_one_file_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(http_client, "WAIT_S", 0.01)
+    monkeypatch.setattr(http_source, "WAIT_S", 0.01)
     off: Script = lambda answer, _: answer.send(503, b'{"error":"off"}')  # noqa: E731
     async with answering(off, ask_s=20.0) as (source, asked):
         with pytest.raises(PartAway, match=r"manifest\.json: gave up after 60 s: off$"):
@@ -271,8 +271,8 @@ async def test_a_segment_of_another_content_type_says_so() -> None:
     "head", [b"HTTP/1.1 200 OK\r\ncontent-length: 9000\r\n\r\n", b"HTTP/1.1 200 OK\r\nx: "]
 )
 async def test_an_answer_in_drops_is_given_up(monkeypatch: pytest.MonkeyPatch, head: bytes) -> None:
-    monkeypatch.setattr(http_client, "SLOW_S", 0.3)
-    monkeypatch.setattr(http_client, "AGAIN_S", 0.1)
+    monkeypatch.setattr(http_source, "SLOW_S", 0.3)
+    monkeypatch.setattr(http_source, "AGAIN_S", 0.1)
 
     def drip(answer: Answers, before: int) -> None:
         if before == 0:
@@ -303,7 +303,7 @@ async def test_a_connection_is_kept_for_the_next_answer() -> None:
         for _ in range(20):
             assert await source.load_schema(sha256) == "text" * 50_000
     assert len(asked) == 20
-    assert len(ports) <= http_client.AT_ONCE
+    assert len(ports) <= http_source.AT_ONCE
 
 
 def send_ok(body: bytes, answer: Answers, _: int) -> None:
@@ -339,13 +339,13 @@ async def test_requests_are_bounded_and_an_end_does_not_wait() -> None:
 
     async with answering(hold) as (source, asked):
         tasks = [asyncio.create_task(source.load_segment(SEGMENT)) for _ in range(30)]
-        while len(asked) < http_client.AT_ONCE:
+        while len(asked) < http_source.AT_ONCE:
             await asyncio.sleep(0.01)
         await source.close()
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        assert len(asked) == http_client.AT_ONCE
+        assert len(asked) == http_source.AT_ONCE
         release.set()
 
 

@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from posecast_relay.archive.deletion.tombstones import put_tombstone
-from posecast_relay.archive.models.keeper import make_model_key
+from posecast_relay.archive.deletion import put_tombstone
+from posecast_relay.archive.models import make_model_key
 from posecast_relay.archive.names import make_schema_key, name_segment
-from posecast_relay.archive.object_store import ObjectStore, open_object_store
-from posecast_relay.core.past.deletions import Deletion
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.archive.store import ObjectStore, open_object_store
+from posecast_relay.core.policy import Audience
+from posecast_relay.past.deletions import Deletion
+from posecast_relay.past.segment import KeptSegment
 from posecast_relay.past_command.main import run_past
 from posecast_relay.recording.store_source import StoreSource
 from posecast_wire.recording import PastRecording, decode_recording, segment_path

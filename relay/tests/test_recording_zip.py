@@ -7,7 +7,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from posecast_relay.recording.zip_file import pack_recording
+from posecast_relay.recording.output import pack_recording
 
 from .past_doors import PAGE_MS, make_kept
 from .recording_stage import KeptModel, KeptSource, collect, list_files

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posecast_relay.redis.clock import RedisClock
+from posecast_relay.redis.client import RedisClock
 
 BEGAN_S = 1_800_000_000.0  # Redis's clock when this process's is 0
 

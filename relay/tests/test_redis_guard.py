@@ -18,16 +18,7 @@ from posecast_relay.redis.client import (
     writer_key,
 )
 from posecast_relay.redis.directory import BOARD, KEYS
-from posecast_relay.redis.guard import (
-    CLAIM,
-    GUARD,
-    INCOMPLETE,
-    LEASE_MS,
-    OUTRUN,
-    REFUSED,
-    STATUS,
-    STORED,
-)
+from posecast_relay.redis.scripts import CLAIM, GUARD, INCOMPLETE, LEASE_MS, OUTRUN, REFUSED, STATUS, STORED
 from posecast_testing import count_examples
 
 from .redis_server import Redis

@@ -7,14 +7,13 @@ from typing import Any
 
 import pytest
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.replica_feed import ReplicaFeed
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.replica import ReplicaFeed
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.stream import Stream
 from posecast_relay.redis import store as redis_store
 from posecast_relay.redis.directory import RedisDirectory
-from posecast_relay.redis.gateway import RedisGateway
+from posecast_relay.redis.gateway import RedisGateway, RedisSubscriber
 from posecast_relay.redis.store import RedisStore
-from posecast_relay.redis.subscriber import RedisSubscriber
 
 from .fleet import HZ
 from .histories import History
@@ -49,7 +48,7 @@ Place = tuple[Any, str, Callable[..., bool]]
 AT_THE_GATEWAY: list[Place] = [
     (RedisGateway, "_read_message", of_robot),
     (RedisGateway, "_take_states", of_robot),
-    (RedisGateway, "_judge_silence", of_robot),
+    (RedisGateway, "_check_silence", of_robot),
     (RedisGateway, "_maintain", of_robot),
     (RedisGateway, "_watch_pinned", always),
     (RedisGateway, "_exchange", always),
@@ -59,7 +58,7 @@ AT_THE_GATEWAY: list[Place] = [
     (ReplicaFeed, "take_presence", of_robot),
     (ReplicaFeed, "set_generation", of_robot),
     (ReplicaFeed, "take_event", of_robot),
-    (Hub, "take_frame", of_robot),
+    (Hub, "receive_frame", of_robot),
     (Hub, "take_snapshot", of_robot),
     (Stream, "append_numbered", of_robot),
 ]
@@ -70,7 +69,7 @@ AT_THE_INGEST: list[Place] = [
     (RedisStore, "_is_current", of_robot),
     (RedisStore, "_hears_frames", of_robot),
     (RedisStore, "_resume_from", of_robot),
-    (RedisStore, "_judge", of_robot),
+    (RedisStore, "_renew_lease", of_robot),
     (RedisDirectory, "exchange", always),
     (Stream, "resume_events", of_robot),
 ]

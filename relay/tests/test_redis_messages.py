@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posecast_relay.core.replica_messages import Presence, StreamUpdate
+from posecast_relay.core.replica import Presence, StreamUpdate
 from posecast_relay.redis.messages import BYTES_MAX, pack, unpack, unpack_events, unpack_state
 
 EVENT = '{"type":"event","n":1}'

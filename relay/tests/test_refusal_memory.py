@@ -10,8 +10,8 @@ from typing import Any
 
 import httpx
 import pytest
+from posecast_relay.kit import REFUSED_MAX, REFUSED_S, RefusalMemory
 from posecast_relay.models.cache import RANGE_BYTES, ModelCache, Refused, Unavailable
-from posecast_relay.models.refusal_memory import REFUSED_MAX, REFUSED_S, RefusalMemory
 from posecast_testing import until
 
 from .stage import Model, Relay
@@ -101,7 +101,7 @@ def test_it_holds_so_many_and_forgets_the_oldest_first() -> None:
     memory = RefusalMemory(lambda: 0.0)
     for n in range(2 * REFUSED_MAX):
         memory.keep(n, "bad")
-    assert len(memory) == REFUSED_MAX
+    assert memory._kept.cost == REFUSED_MAX
     assert memory.find(REFUSED_MAX - 1) is None
     assert memory.find(REFUSED_MAX) == ("bad", REFUSED_S)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 
-from posecast_relay.repeat_filter import KINDS_MAX, LINES_PER_S, OF_A_KIND, WINDOW_S, RepeatFilter
+from posecast_relay.logging import KINDS_MAX, LINES_PER_S, OF_A_KIND, WINDOW_S, RepeatFilter
 
 
 def record(line: int, text: str = "it broke", level: int = logging.WARNING) -> logging.LogRecord:

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 from posecast_relay.core.actions import RequestSnapshot
-from posecast_relay.core.replica_feed import ReplicaFeed
-from posecast_relay.core.replica_messages import Presence, StreamState, StreamUpdate
+from posecast_relay.core.replica import Presence, ReplicaFeed, StreamState, StreamUpdate
 
 from .sim import Edge, World, schema
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from posecast_relay.streaming.request import BadRequest, NoSuchStream, StreamRequest, read_bearer, read_target
+from posecast_relay.net.request import BadRequest, NoSuchStream, StreamRequest, read_bearer, read_target
 
 LIVE = "/api/v1/robots/r/live"
 

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from typing import Any, cast
 
 import httpx
-from posecast_relay.streaming.request_timeouts import ASK_S, CROWD, HURRIED_S, SWEEP_S, RequestTimeouts
+from posecast_relay.net.http1 import ASK_S, CROWD, HURRIED_S, SWEEP_S, RequestTimeouts
 from posecast_testing import free_port
 
 from .stage import SharedRelay, Watcher

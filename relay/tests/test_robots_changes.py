@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 import pytest
 from posecast_relay.config.robots_changes import RobotsDocument
 from posecast_relay.config.robots_reader import Robots, RobotsError, parse_robots
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
 
 SECRET = "C" * 43
 FORMS = {

@@ -11,8 +11,7 @@ import time
 from pathlib import Path
 
 from posecast_relay.config.robots_file import read_robots
-from posecast_relay.core.policy.policy import Audience, Rule
-from posecast_relay.core.policy.share_link import read_link
+from posecast_relay.core.policy import Audience, Rule, read_link
 from posecast_wire import Credential
 
 from .certificates import certificates

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-from posecast_relay.config.robots_difference import list_credential_changes
+from posecast_relay.config.robots_command import list_credential_changes
 from posecast_relay.config.robots_reader import parse_robots
 
 from .test_robots_command import robots

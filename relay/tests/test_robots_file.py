@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from posecast_relay.config.robots_file import UnreadableError, read_robots
 from posecast_relay.config.robots_reader import RobotsError
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy import Audience, Rule
 
 SECRET = "C" * 43
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from posecast_relay.config.robots_file import read_robots
 from posecast_relay.config.robots_reader import Robots
-from posecast_relay.core.policy.policy import Audience, Rule
+from posecast_relay.core.policy import Audience, Rule
 
 from .certificates import certificates
 from .operator_pages import DOCS, list_commands

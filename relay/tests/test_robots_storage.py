@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from posecast_relay.config.robots_storage import lock_folder, replace_text
+from posecast_relay.config.robots_file import lock_folder, replace_text
 from posecast_relay.config.settings import SettingsError
 
 RELAY, OTHER = 10001, 10002

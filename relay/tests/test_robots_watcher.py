@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from posecast_relay.config.robots_file import UnreadableError, read_robots
+from posecast_relay.config.robots_file import RobotsWatcher, UnreadableError, read_robots
 from posecast_relay.config.robots_reader import Robots
-from posecast_relay.config.robots_watcher import RobotsWatcher
 
 SECRET = "C" * 43
 

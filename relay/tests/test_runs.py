@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from posecast_relay.core.state.runs import RETURN_AFTER_S, Runs
+from posecast_relay.core.robot import RETURN_AFTER_S, Runs
 from posecast_wire import Stamp
 
 

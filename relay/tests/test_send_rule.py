@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from posecast_relay.core.actions import Send
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.viewer import Viewer
 from posecast_testing import count_examples
 
 from .sim import Edge, Screen, World, schema
@@ -231,7 +231,7 @@ def test_one_frame_is_packed_once_for_all() -> None:
     viewers = [world.join() for _ in range(50)]
     world.run(edge, 0.2)
     world.pass_time(1 / 30)
-    world.hub.take_frame("r", "public", edge.frame(world.now), edge.stamp(world.now), world.now)
+    world.hub.receive_frame("r", "public", edge.frame(world.now), edge.stamp(world.now), world.now)
     sends = [a for a in world.hub.flush(world.now, 0.0) if isinstance(a, Send)]
     assert [len(s.viewers) for s in sends] == [len(viewers)]
     newest = world.hub.robots["r"].rooms["public"].stream.newest

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.state.share import OVER_FOR_S, Share, TokenBucket
-from posecast_relay.core.state.stream import FrameOutcome
+from posecast_relay.core.robot import OVER_FOR_S, Share
+from posecast_relay.core.stream import FrameOutcome
+from posecast_relay.kit import TokenBucket
 
 from .sim import UNIX_S, World
 

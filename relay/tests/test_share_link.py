@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_relay.core.policy.policy import Audience, Principal
-from posecast_relay.core.policy.share_link import make_link, read_link
+from posecast_relay.core.policy import Audience, Principal, make_link, read_link
 
 KEY, OTHER = "k" * 43, "o" * 43
 KEYS = {"hubo": KEY, "g1": OTHER}

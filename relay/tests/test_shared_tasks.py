@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from posecast_relay.shared_tasks import SharedTasks
+from posecast_relay.runtime.tasks import SharedTasks
 
 
 async def test_those_who_ask_meanwhile_wait_for_the_same_task() -> None:

@@ -8,7 +8,7 @@ from collections import deque
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.viewer import Viewer
 from posecast_testing import count_examples
 from posecast_wire import Close
 

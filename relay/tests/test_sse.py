@@ -12,9 +12,8 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from posecast_relay.core.viewer import messages
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.encodings import EventStreamEncoding, JsonEncoding
+from posecast_relay.core import messages
+from posecast_relay.net.encodings import DecodeCache, EventStreamEncoding, JsonEncoding
 from posecast_testing import free_port, until
 from posecast_wire import Close, Decoder
 

@@ -6,7 +6,7 @@ import json
 
 import pytest
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.state.stream import Stream
+from posecast_relay.core.stream import Stream
 from posecast_wire import Snapshot
 
 from .sim import Edge, World, schema
@@ -185,7 +185,7 @@ def test_age_counts_the_time_under_way() -> None:
     world.pass_time(0.1)
     payload, stamp = edge.frame(world.now), edge.stamp(world.now)
     world.pass_time(2.0)  # held up
-    world.hub.take_frame("r", "public", payload, stamp, world.now)
+    world.hub.receive_frame("r", "public", payload, stamp, world.now)
     stream = world.hub.robots["r"].rooms["public"].stream
     assert stream.compute_age_s(world.now) == pytest.approx(2.0, abs=0.01)
 
@@ -194,8 +194,8 @@ def test_more_robots_or_views_than_allowed_are_dropped_and_counted() -> None:
     world = World(Limits(robots=2, views=1))
     edge = Edge(1, schema(), began_s=world.now)
     for robot in ("a", "b", "c"):
-        world.hub.take_frame(robot, "public", edge.frame(world.now), edge.stamp(world.now), world.now)
-    world.hub.take_frame("a", "second", edge.frame(world.now), edge.stamp(world.now), world.now)
+        world.hub.receive_frame(robot, "public", edge.frame(world.now), edge.stamp(world.now), world.now)
+    world.hub.receive_frame("a", "second", edge.frame(world.now), edge.stamp(world.now), world.now)
     assert world.hub.outcomes["crowded"] == 2
     assert set(world.hub.robots) == {"a", "b"}
 

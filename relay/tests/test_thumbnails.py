@@ -7,10 +7,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from posecast_relay.http.thumbnails import LOADING_MAX, PICTURE_BYTES_MAX, Thumbnails
+from posecast_relay.http.previews import LOADING_MAX, PICTURE_BYTES_MAX, Thumbnails
+from posecast_relay.kit import REFUSED_S
 from posecast_relay.models.cache import RETRY_S, Absent, ModelCache, Unavailable
 from posecast_relay.models.memory import ENTRY_BYTES
-from posecast_relay.models.refusal_memory import REFUSED_S
 
 from .pictures import make_png
 from .test_model_cache import MB, Edge, sha256

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from posecast_relay.core.timer_queue import NEVER, TimerQueue
+from posecast_relay.kit import NEVER, TimerQueue
 
 
 def test_the_earliest_moment_counts_and_each_comes_once() -> None:

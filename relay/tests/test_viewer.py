@@ -9,7 +9,7 @@ from random import Random
 
 import pytest
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.viewer import Viewer
 from posecast_wire import Close
 
 from .sim import Edge, World, schema

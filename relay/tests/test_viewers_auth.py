@@ -25,18 +25,17 @@ from firebase_admin import auth
 from posecast_relay.auth.access import open_access
 from posecast_relay.auth.firebase import Firebase
 from posecast_relay.auth.tokens import PATIENCE_S, Tokens, Unverifiable
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.policy.policy import Audience, Policy, Principal, Rule
-from posecast_relay.core.policy.share_link import make_link
+from posecast_relay.core.policy import Audience, Policy, Principal, Rule, make_link
 from posecast_relay.http.app import make_app
 from posecast_relay.models.cache import ModelCache
+from posecast_relay.net.encodings import DecodeCache
+from posecast_relay.net.sse import make_http_protocol
+from posecast_relay.net.websocket import make_live_protocol
+from posecast_relay.runtime.dispatcher import MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.sse import make_http_protocol
-from posecast_relay.streaming.websocket import make_live_protocol
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_wire import Close
 
@@ -184,7 +183,7 @@ class Doors:
             for view in ("public", "lab"):
                 self.dispatcher.carry_out(self.dispatcher.hub.set_token(robot, True, now))
                 data = edge.frame(now, force_key=True)
-                self.dispatcher.hub.take_frame(robot, view, data, edge.stamp(now), now)
+                self.dispatcher.hub.receive_frame(robot, view, data, edge.stamp(now), now)
                 self.dispatcher.hub.take_snapshot(robot, view, edge.snapshot(), edge.stamp(now), now)
         self.dispatcher.flush()
         self.address = ""
@@ -418,7 +417,7 @@ async def test_links_and_accounts_that_are_revoked_end_at_once(doors: Doors, goo
 
 
 async def test_a_token_that_does_not_come_ends_it(doors: Doors, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("posecast_relay.streaming.websocket.TOKEN_S", 0.2)
+    monkeypatch.setattr("posecast_relay.net.websocket.TOKEN_S", 0.2)
     assert (await doors.watch("lab", None, "?auth=1"))[-1] == Close.TOKEN
 
 

@@ -20,12 +20,10 @@ import websockets
 from posecast_relay.auth.access import Access
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.runtime.dispatcher import Dispatcher
+from posecast_relay.net.encodings import DecodeCache
+from posecast_relay.net.websocket import make_live_protocol, read_short_text
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store_memory import MemoryStore
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.viewer_frames import read_short_text
-from posecast_relay.streaming.websocket import make_live_protocol
 from posecast_testing import until
 from posecast_wire import Close
 

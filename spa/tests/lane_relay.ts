@@ -9,7 +9,7 @@ import {
 import type { LaneAnswer } from '../src/stream/lane/answers.ts';
 import { codesWith, SCHEMA, SCHEMA_TEXT } from './schema.ts';
 
-/** A robot, the relay that records it like `core/past/recorder.py`, and the relay's answers. Times are ms since the start. */
+/** A robot, the relay that records it like `past/recorder.py`, and the relay's answers. Times are ms since the start. */
 
 export interface Span {
   readonly fromMs: number;

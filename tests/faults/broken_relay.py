@@ -15,10 +15,10 @@ from itertools import count
 
 from posecast_relay.cli import main
 from posecast_relay.core.actions import Action
-from posecast_relay.core.state.room import RateGroup, Room
-from posecast_relay.core.state.runs import Runs
-from posecast_relay.core.state.stream import FrameOutcome, StoredFrame, Stream
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.robot import Runs
+from posecast_relay.core.room import RateGroup, Room
+from posecast_relay.core.stream import FrameOutcome, StoredFrame, Stream
+from posecast_relay.core.viewer import Viewer
 from posecast_wire import parse_header
 from posecast_wire.frame import TAG_PLAIN, Header
 
@@ -63,7 +63,7 @@ def unchecked_runs() -> None:
 
 def dropped_frames() -> None:
     """The robot counts as heard, but none of its data is passed on."""
-    take = Stream.take_frame
+    take = Stream.store_frame
 
     def drop(
         self: Stream, payload: bytes, header: Header, run_id: int, stamp_s: float, now: float, late_s: float
@@ -73,12 +73,12 @@ def dropped_frames() -> None:
         self.live_at, self.late_s = now, late_s
         return FrameOutcome.TAKEN
 
-    Stream.take_frame = drop  # type: ignore[method-assign]
+    Stream.store_frame = drop  # type: ignore[method-assign]
 
 
 def an_old_pose_again() -> None:
     """The same pose forever, in frames with new numbers and times."""
-    take = Stream.take_frame
+    take = Stream.store_frame
     kept: list[bytes] = []
     steps = count(1)
 
@@ -96,12 +96,12 @@ def an_old_pose_again() -> None:
         again = PLAIN.pack(tag, base, distance + step, ms + 33 * step) + kept[0][PLAIN.size :]
         return take(self, again, parse_header(again), run_id, stamp_s, now, late_s)
 
-    Stream.take_frame = repeat  # type: ignore[method-assign]
+    Stream.store_frame = repeat  # type: ignore[method-assign]
 
 
 def old_frames_as_fresh() -> None:
     """Every frame some seconds late, but counted as just sent."""
-    take = Stream.take_frame
+    take = Stream.store_frame
     waiting: deque[tuple[float, bytes, Header, int]] = deque()
 
     def take_later(
@@ -113,7 +113,7 @@ def old_frames_as_fresh() -> None:
             take(self, old, its_header, its_run, stamp_s, now, late_s)
         return FrameOutcome.TAKEN
 
-    Stream.take_frame = take_later  # type: ignore[method-assign]
+    Stream.store_frame = take_later  # type: ignore[method-assign]
 
 
 WAYS: dict[str, Callable[[], None]] = {

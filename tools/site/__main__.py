@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from posecast_edge.model.serve.bundle import ModelError
-from posecast_relay.config.built_page import find_page
+from posecast_relay.config.settings import find_page
 
 from tools.site.generator_script import change_script
 from tools.site.moments.gallery import PAGE, add_gallery

@@ -8,7 +8,7 @@ from pathlib import Path
 import shtab
 from posecast_edge.cli import model_command, probe, profile_new
 from posecast_edge.cli import settings as edge
-from posecast_relay.config import robots_arguments
+from posecast_relay.config import robots_command
 from posecast_relay.config import settings as relay
 from posecast_relay.past_command import convert
 from posecast_relay.past_command import main as past
@@ -28,7 +28,7 @@ def make_whole_parser() -> argparse.ArgumentParser:
     agent, serving = edge.make_parser({}), relay.make_parser("posecast relay")
     of_edge = {"model": models["model"], "doctor": models["doctor"], "probe": probing, "profile": profile}
     of_relay = {
-        "robots": robots_arguments.make_robots_parser({}),
+        "robots": robots_command.make_robots_parser({}),
         "past": past.make_past_parser({}),
         "convert": convert.make_convert_parser(),
     }

@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from posecast_relay.config.built_page import CHECKOUT, find_page
-from posecast_relay.port_holder import name_holder
+from posecast_relay.config.settings import CHECKOUT, find_page
+from posecast_relay.runtime.port_holder import name_holder
 from posecast_wire.command_line.terminal import paint, print_error
 
 from posecast_command.link import (

@@ -39,17 +39,17 @@ def main(argv: Sequence[str] | None = None, program: str = "posecast-relay") -> 
 
 def _run(argv: Sequence[str], program: str) -> None:
     if argv[:1] == ["robots"]:
-        from posecast_relay.config.robots_command import run_robots  # noqa: PLC0415 — the same
+        from posecast_relay.config.robots_command import run_robots  # noqa: PLC0415 — starts sooner
 
         run_robots(argv[1:], os.environ, program)
         return
     if argv[:1] == ["past"]:
-        from posecast_relay.past_command.main import run_past  # noqa: PLC0415 — the same
+        from posecast_relay.past_command.main import run_past  # noqa: PLC0415 — starts sooner
 
         run_past(argv[1:], os.environ, program)
         return
     if argv[:1] == ["convert"]:
-        from posecast_relay.past_command.convert import run_convert  # noqa: PLC0415 — the same
+        from posecast_relay.past_command.convert import run_convert  # noqa: PLC0415 — starts sooner
 
         run_convert(argv[1:], program)
         return

@@ -1,8 +1,9 @@
 """Logs to stderr: plain lines on a terminal, otherwise JSON lines for log collectors.
 
-Strangers can cause log lines. So the number of lines is limited (`repeat_filter.py`), and so is their length;
-invisible characters are escaped. Tracebacks appear only at level debug. Other levels show what failed and
-where.
+Strangers can cause log lines. So their number is limited: repeated lines are written a few times, then
+counted, and at most LINES_PER_S lines a second are written. A summary line counts the others: `… and 1,234
+more in 10 s`. Their length is limited, too, and invisible characters are escaped. Tracebacks appear only at
+level debug. Other levels show what failed and where.
 """
 
 from __future__ import annotations
@@ -14,13 +15,101 @@ import sys
 import threading
 import time
 import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from types import TracebackType
 from typing import Any
 
 from posecast_wire.checked import UNSEEN
 
-from posecast_relay.repeat_filter import WINDOW_S, RepeatFilter
+log = logging.getLogger("posecast_relay")
+
+WINDOW_S = 10.0
+OF_A_KIND = 10  # lines in a window; further ones are counted
+LINES_PER_S = 10  # of all kinds
+KINDS_MAX = 64  # beyond, all further ones are one kind
+
+Kind = tuple[object, ...]
+OTHERS: Kind = ("others",)
+
+
+@dataclass
+class _Window:
+    since_s: float
+    first: str  # as text: a record would keep the error's whole traceback in memory
+    of: tuple[str, int, str, int]  # logger, level and place
+    written: int = 0
+    more: int = 0
+
+
+class RepeatFilter:
+    """Decides for each line whether it is written. Lines at level debug always pass."""
+
+    def __init__(self, shown: Callable[[logging.LogRecord], str] = logging.LogRecord.getMessage) -> None:
+        """`shown` returns a record's text as one line."""
+        self._shown = shown
+        self._kinds: dict[Kind, _Window] = {}
+        self._second = float("-inf")
+        self._lines = 0
+
+    @property
+    def owes(self) -> bool:
+        """Whether lines were left out that no summary has counted yet."""
+        return any(window.more for window in self._kinds.values())
+
+    def allow_record(self, record: logging.LogRecord, now_s: float) -> bool:
+        """Return whether to write this line; if not, count it. `now_s` is a clock in seconds."""
+        if record.levelno <= logging.DEBUG:
+            return True
+        kind = _kind(record)
+        window = self._kinds.get(kind)
+        if window is None:
+            if len(self._kinds) >= KINDS_MAX:
+                kind = OTHERS
+            of = (record.name, record.levelno, record.pathname, record.lineno)
+            window = self._kinds.get(kind) or _Window(now_s, self._shown(record), of)
+            self._kinds[kind] = window
+        if window.written < OF_A_KIND and self._has_room(now_s):
+            window.written += 1
+            return True
+        window.more += 1
+        return False
+
+    def take_summaries(self, now_s: float) -> list[logging.LogRecord]:
+        """Close the windows that have passed. Return a summary for each one that left lines out."""
+        found = []
+        for kind, window in list(self._kinds.items()):
+            if now_s - window.since_s < WINDOW_S and now_s >= window.since_s:
+                continue
+            if window.more:
+                if not self._has_room(now_s):
+                    continue
+                found.append(_sum(window, now_s - window.since_s))
+            del self._kinds[kind]
+        return found
+
+    def _has_room(self, now_s: float) -> bool:
+        if not 0 <= now_s - self._second < 1:
+            self._second, self._lines = now_s, 0
+        self._lines += 1
+        return self._lines <= LINES_PER_S
+
+
+def _kind(record: logging.LogRecord) -> Kind:
+    """Return a line's kind, by its place in the code, not its text: strangers choose the names in it."""
+    error = record.exc_info[1] if record.exc_info else None
+    trace = error.__traceback__ if error is not None else None
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    place = (trace.tb_frame.f_code.co_filename, trace.tb_lineno) if trace is not None else None
+    return record.name, record.levelno, record.pathname, record.lineno, type(error), place
+
+
+def _sum(window: _Window, passed_s: float) -> logging.LogRecord:
+    text = f"{window.first} … and {window.more:,} more in {passed_s:.0f} s"
+    return logging.LogRecord(*window.of, text, None, None)
+
 
 MEMBERS = (
     "conn",
@@ -31,8 +120,6 @@ MEMBERS = (
 LINE_MAX = 1000  # characters of an event
 NAME_MAX = 80  # characters of a name from outside
 OURS = "posecast_"
-
-log = logging.getLogger("posecast_relay")
 
 
 def visible(text: str, most: int = NAME_MAX, kept: str = "") -> str:
@@ -59,11 +146,11 @@ def describe_error(error: BaseException) -> str:
 
 def _event(record: logging.LogRecord) -> str:
     """Return a record's message as one line."""
-    said = record.getMessage()
+    text = record.getMessage()
     error = record.exc_info[1] if record.exc_info else None
     if error is not None:
-        said = f"{said.rstrip()}: {describe_error(error)}"
-    return visible(said, LINE_MAX)
+        text = f"{text.rstrip()}: {describe_error(error)}"
+    return visible(text, LINE_MAX)
 
 
 def _shows_tracebacks() -> bool:
@@ -113,12 +200,12 @@ class _Stderr(logging.StreamHandler[Any]):
         try:
             now_s = time.monotonic()
             self._sum_up(now_s)
-            said = self._repeats.allow_record(record, now_s)
-            if said:
+            is_written = self._repeats.allow_record(record, now_s)
+            if is_written:
                 self.emit(record)
             elif self._timer is None:
                 self._start_timer()
-            return said
+            return is_written
         finally:
             self.release()
 
@@ -169,7 +256,7 @@ class LoopExceptionHandler:
     """
 
     def __init__(self) -> None:
-        self._said = ""
+        self._reported = ""
 
     def __call__(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """Handle an exception; asyncio calls this."""
@@ -179,6 +266,6 @@ class LoopExceptionHandler:
         is_late = isinstance(why, RuntimeError) and transport is not None and transport.is_closing()
         if not is_late and not (isinstance(why, OSError) and "future" in context):
             log.error("%s", context.get("message") or "uncaught exception", exc_info=why)
-        elif str(why) != self._said:
-            self._said = str(why)
+        elif str(why) != self._reported:
+            self._reported = str(why)
             log.warning("a connection timed out: %s", why)

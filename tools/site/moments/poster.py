@@ -11,8 +11,8 @@ from PIL import Image
 from posecast_edge.model.builder.thumbnail import draw_thumbnail
 from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion
 from posecast_edge.model.serve.bundle import Bundle
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.kinematics.link_poses import FrameReadings
+from posecast_relay.export.link_poses import FrameReadings
+from posecast_relay.past.segment import KeptSegment
 from posecast_wire import Decoder
 from posecast_wire.segment import CopyRecord, FrameRecord, decode_segment
 

@@ -16,10 +16,9 @@ from posecast_edge.sample import Sample
 from posecast_edge.uplink.publisher import make_event_document
 from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.core.past.recorder import Recorder
-from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.policy import PUBLIC, Audience, Policy
+from posecast_relay.core.policy import PUBLIC, Audience, Policy
+from posecast_relay.past.recorder import Recorder, RecordingPorts
+from posecast_relay.past.segment import KeptSegment
 from posecast_relay.recording.source import ListedSegment, SourceSpan
 from posecast_wire.keys import Stamp
 

@@ -17,9 +17,8 @@ from typing import NamedTuple
 
 from posecast_wire.keys import ROBOT_ID
 
-from posecast_relay.core.past.audience_letters import read_letters, write_letters
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.core.policy import Audience
+from posecast_relay.past.segment import KeptSegment, SegmentName, pack_audiences, unpack_audiences
 
 PAGE_MS, DAY_MS = 600_000, 86_400_000
 KEY_CHARS_MAX = 400
@@ -55,7 +54,7 @@ class ArchivedName(NamedTuple):
     @property
     def key(self) -> str:
         """The key. The same content always has the same key."""
-        letters = write_letters(self.audiences)
+        letters = pack_audiences(self.audiences)
         file = f"{self.from_ms}-{self.to_ms}-{self.name.take:016x}-{self.name.index}-{self.size}-{letters}"
         return f"{make_page_folder(self.name.robot, self.name.view, self.page_ms)}/{file}.segment"
 
@@ -78,7 +77,7 @@ def read_segment_key(key: str) -> ArchivedName | None:
         return None
     if not from_ms <= to_ms <= from_ms + SPAN_MS_MAX:
         return None
-    audiences = read_letters(found[6])
+    audiences = unpack_audiences(found[6])
     name = SegmentName(robot, view, int(found[3], 16), index)
     read = ArchivedName(name, from_ms, to_ms, size, audiences)
     try:

@@ -15,8 +15,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
-from posecast_relay.archive.day_file import list_days, load_day
-from posecast_relay.archive.expiring_cache import ExpiringCache
+from posecast_relay.archive.index import Known, LoadedPage, list_days, load_day, load_page
 from posecast_relay.archive.names import (
     DAY_MS,
     PAGE_MS,
@@ -25,13 +24,12 @@ from posecast_relay.archive.names import (
     may_be_archived,
     name_segment,
 )
-from posecast_relay.archive.object_store import ArchiveError, ObjectStore
-from posecast_relay.archive.page_index import Known, LoadedPage, load_page
-from posecast_relay.core.past.day_index import LONGEST_MS, DayIndex, digest_page
-from posecast_relay.core.past.day_reach import DayReach, reach_day
-from posecast_relay.core.past.kept_segment import OBJECT_BYTES, KeptSegment, SegmentName
-from posecast_relay.past_source import PastAway
-from posecast_relay.shared_tasks import SharedTasks
+from posecast_relay.archive.store import ArchiveError, ObjectStore
+from posecast_relay.kit import ExpiringCache
+from posecast_relay.past.index import LONGEST_MS, DayIndex, ShownDay, digest_page, list_shown
+from posecast_relay.past.segment import OBJECT_BYTES, KeptSegment, SegmentName
+from posecast_relay.past.source import PastAway
+from posecast_relay.runtime.tasks import SharedTasks
 
 T = TypeVar("T")
 log = logging.getLogger("posecast_relay")
@@ -76,7 +74,7 @@ class ArchiveReader:
         self._pages: ExpiringCache[tuple[KeptSegment, ...]] = ExpiringCache(PAGES_BYTES)
         self._unindexed: ExpiringCache[Known] = ExpiringCache(UNINDEXED_BYTES)
         self._days: ExpiringCache[DayIndex] = ExpiringCache(DAYS_BYTES)
-        self._reaches: ExpiringCache[DayReach] = ExpiringCache(REACHES_BYTES)
+        self._reaches: ExpiringCache[ShownDay] = ExpiringCache(REACHES_BYTES)
         self._lists: ExpiringCache[list[int]] = ExpiringCache(REACHES_BYTES)
         self._data: ExpiringCache[bytes] = ExpiringCache(DATA_BYTES)
         self._schemas: ExpiringCache[str] = ExpiringCache(SCHEMAS_BYTES)
@@ -98,8 +96,12 @@ class ArchiveReader:
         """Drop all cached data of a robot, because part of it was deleted."""
         self._forgotten += 1
         for cache in (
-            *(self._pages, self._unindexed, self._days),
-            *(self._reaches, self._lists, self._schemas),
+            self._pages,
+            self._unindexed,
+            self._days,
+            self._reaches,
+            self._lists,
+            self._schemas,
         ):
             cache.forget(lambda key: isinstance(key, tuple) and key[0] == robot)
         self._data.forget(lambda key: isinstance(key, SegmentName) and key.robot == robot)
@@ -111,13 +113,13 @@ class ArchiveReader:
         ask = partial(list_days, self._store, robot, view)
         return await self._find(self._lists, (robot, view), ask, lambda days: 100 + 40 * len(days), YOUNG_S)
 
-    async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[DayReach]:
+    async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[ShownDay]:
         """Load the summary of each day that overlaps a time span, unix ms, oldest first.
 
         Raises PastAway.
         """
         days = [day_ms for day_ms in await self.list_days(robot, view) if from_ms - DAY_MS < day_ms < to_ms]
-        found: list[DayReach] = []
+        found: list[ShownDay] = []
         for at in range(0, len(days), REACHES_AT_ONCE):
             part = days[at : at + REACHES_AT_ONCE]
             found += await asyncio.gather(*(self._load_reach(robot, view, day_ms) for day_ms in part))
@@ -157,9 +159,9 @@ class ArchiveReader:
 
     # ---- what is read ----------------------------------------------------------------
 
-    async def _load_reach(self, robot: str, view: str, day_ms: int) -> DayReach:
-        async def ask() -> DayReach:
-            return await asyncio.to_thread(reach_day, await self._read_day(robot, view, day_ms))
+    async def _load_reach(self, robot: str, view: str, day_ms: int) -> ShownDay:
+        async def ask() -> ShownDay:
+            return await asyncio.to_thread(list_shown, await self._read_day(robot, view, day_ms))
 
         until_s = self._compute_good_s(day_ms + DAY_MS, REACH_S)
         return await self._find(

@@ -13,11 +13,11 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from itertools import islice
 
+from posecast_relay.archive.index import Known, forget_bytes
 from posecast_relay.archive.names import ArchivedName, PageKey, make_schema_key, may_be_archived, name_segment
-from posecast_relay.archive.object_store import ArchiveError, ObjectStore
-from posecast_relay.archive.page_index import Known, forget_bytes
-from posecast_relay.core.past.kept_segment import KeptSegment
-from posecast_relay.counted import write_count
+from posecast_relay.archive.store import ArchiveError, ObjectStore
+from posecast_relay.kit import write_count
+from posecast_relay.past.segment import KeptSegment
 
 log = logging.getLogger("posecast_relay")
 

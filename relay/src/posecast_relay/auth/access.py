@@ -11,22 +11,30 @@ from functools import partial
 
 from posecast_wire import Close
 
-from posecast_relay.auth.addresses import Addresses
-from posecast_relay.auth.origins import may_show
+from posecast_relay.auth.addresses import Addresses, may_show
 from posecast_relay.auth.tokens import Tokens, Unverifiable
-from posecast_relay.core.delayed_hub import DelayedHub
+from posecast_relay.core.delayed import DelayedHub
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.policy.admission import REFUSALS, Applicant, Refusal, admit
-from posecast_relay.core.policy.lane import CAPPED, NO_PAST, explain_no_lane
-from posecast_relay.core.policy.policy import ANYONE, Audience, Grant, Policy, Principal
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.room import Room
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer.viewer import Viewer
-from posecast_relay.runtime.dispatcher import Dispatcher, RobotSource
+from posecast_relay.core.policy import (
+    ANYONE,
+    CAPPED,
+    NO_PAST,
+    REFUSALS,
+    Applicant,
+    Audience,
+    Grant,
+    Policy,
+    Principal,
+    Refusal,
+    admit,
+    explain_no_lane,
+)
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.room import Room
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, RobotSource, StateStore
 from posecast_relay.runtime.fan_out import FanOut
-from posecast_relay.store import StateStore
-from posecast_relay.store_memory import MemoryStore
 
 log = logging.getLogger("posecast_relay")
 
@@ -61,9 +69,9 @@ class Access:
         self.addresses = Addresses(live.hub.limits.per_address) if addresses is None else addresses
         self._renewals: set[asyncio.Task[None]] = set()
         self._outdated: deque[Viewer] = deque()  # those to whom the present policy has yet to be applied
-        self._rejudging: asyncio.Handle | None = None
+        self._readmitting: asyncio.Handle | None = None
         self._followers: list[Callable[[Policy], None]] = []
-        self._told_full: set[str | None] = set()  # why there was no lane; None: there was one
+        self._reported_full: set[str | None] = set()  # why there was no lane; None: there was one
         if later is not None:
             self._delayed.set_delays(policy.find_delays_s())
         self._tell_recorder()
@@ -84,7 +92,7 @@ class Access:
         decision = admit(applicant, self.policy, self.has_past)
         return decision if isinstance(decision, Refusal) else None
 
-    def judge(self, applicant: Applicant) -> Grant | Refusal:
+    def admit(self, applicant: Applicant) -> Grant | Refusal:
         """Return the grant for a robot, or why it is refused.
 
         Call this only after the attempt to identify the applicant.
@@ -104,7 +112,7 @@ class Access:
         address = self.addresses.enter(peer, forwarded)
         if address is not None:
             return address
-        crowded = self.judge(replace(applicant, is_crowded=True))
+        crowded = self.admit(replace(applicant, is_crowded=True))
         assert isinstance(crowded, Refusal)
         return crowded
 
@@ -168,12 +176,12 @@ class Access:
                     _record_for_later(
                         self.live.hub, self._delayed, self.later, live[robot].rooms[view].stream
                     )
-        if self._rejudging is not None:
-            self._rejudging.cancel()
+        if self._readmitting is not None:
+            self._readmitting.cancel()
         self._outdated = deque(viewer for dispatcher in self.dispatchers for viewer in dispatcher.hub.viewers)
-        self._rejudge_some()
+        self._readmit_some()
 
-    def _rejudge_some(self) -> None:
+    def _readmit_some(self) -> None:
         """Apply the policy to the next REJUDGED_AT_ONCE viewers, and to the others in later turns."""
         for _ in range(min(REJUDGED_AT_ONCE, len(self._outdated))):
             viewer = self._outdated.popleft()
@@ -184,9 +192,9 @@ class Access:
                 who = (
                     self.tokens.identify_link(viewer.grant.who.token) or Close.TOKEN
                 )  # its key may have changed
-            self._rejudge(viewer, who)
+            self._readmit(viewer, who)
         is_done = not self._outdated
-        self._rejudging = None if is_done else asyncio.get_running_loop().call_soon(self._rejudge_some)
+        self._readmitting = None if is_done else asyncio.get_running_loop().call_soon(self._readmit_some)
 
     def on_policy(self, follow: Callable[[Policy], None]) -> None:
         """Call `follow` with the policy now, and each time it is replaced."""
@@ -196,9 +204,9 @@ class Access:
     def tell_full(self, viewer: Viewer, lane: str | None) -> None:
         """Log that the relay is full and what viewers get instead. Logs each reason once."""
         why = None if lane else self._explain_no_lane(viewer)
-        if why in self._told_full:
+        if why in self._reported_full:
             return
-        self._told_full.add(why)
+        self._reported_full.add(why)
         fate = "are sent to its lane" if why is None else f"are refused, without a lane, because {why}"
         most = self.live.hub.limits.viewers
         log.warning("full with %d viewers (--max-viewers): more viewers of %r %s", most, viewer.robot, fate)
@@ -213,7 +221,7 @@ class Access:
         if self.live.hub.recorder is not None:
             self.live.hub.recorder.set_policy(self.policy, self.live.now())
 
-    def _rejudge(self, viewer: Viewer, who: Principal | Close) -> None:
+    def _readmit(self, viewer: Viewer, who: Principal | Close) -> None:
         """Apply the policy to a connected viewer again. Close the viewer if that fails."""
         dispatcher = next(
             (dispatcher for dispatcher in self.dispatchers if viewer in dispatcher.hub.viewers), None
@@ -221,14 +229,14 @@ class Access:
         if dispatcher is None:
             return
         try:
-            self._judge_again(dispatcher, viewer, who)
+            self._apply_policy(dispatcher, viewer, who)
         except Exception as e:
             dispatcher.report_fault("a viewer's rights", e)
             refusal = REFUSALS[Close.INTERNAL_ERROR]
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, refusal.close, refusal.reason))
 
-    def _judge_again(self, dispatcher: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
-        found = self.judge(Applicant(viewer.robot, viewer.asked_view, who=who))
+    def _apply_policy(self, dispatcher: Dispatcher, viewer: Viewer, who: Principal | Close) -> None:
+        found = self.admit(Applicant(viewer.robot, viewer.asked_view, who=who))
         if isinstance(found, Refusal):
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, found.close, found.reason))
         else:
@@ -244,7 +252,7 @@ class Access:
             except Exception as e:
                 self.live.report_fault("a viewer's token", e)
                 who = Close.INTERNAL_ERROR
-            self._rejudge(viewer, who)
+            self._readmit(viewer, who)
 
         if self.tokens is not None and viewer.grant is not None and len(self._renewals) < RENEWALS_MAX:
             task = asyncio.create_task(renew(), name="token")
@@ -270,7 +278,7 @@ class Access:
                     if who.token not in judged:
                         judged[who.token] = await self.identify(who.token)
                     if judged[who.token] == Close.TOKEN:
-                        self._rejudge(viewer, Close.TOKEN)
+                        self._readmit(viewer, Close.TOKEN)
 
 
 def open_access(

@@ -7,7 +7,7 @@ from firebase_admin import auth, credentials, exceptions
 from google.auth.credentials import AnonymousCredentials
 
 from posecast_relay.auth.tokens import PATIENCE_S, Unverifiable
-from posecast_relay.core.policy.policy import Audience, Principal
+from posecast_relay.core.policy import Audience, Principal
 
 
 class _Nobody(credentials.Base):  # type: ignore[misc]

@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Protocol
 
-from posecast_relay.blocking_calls import BlockingCalls
-from posecast_relay.core.policy.policy import Principal
-from posecast_relay.core.policy.share_link import is_link, read_link
+from posecast_relay.core.policy import Principal, is_link, read_link
+from posecast_relay.runtime.tasks import BlockingCalls
 
 TOKEN_MAX = 3000  # characters; a viewer's message has no room for more
 AT_ONCE = 4  # accounts verified in parallel; more have to wait

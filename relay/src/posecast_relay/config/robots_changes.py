@@ -14,8 +14,7 @@ from tomlkit.items import InlineTable
 
 from posecast_relay.config.robots_reader import RULE_FIELDS, RobotsError, parse_robots
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.policy.policy import PUBLIC, Audience
-from posecast_relay.core.policy.share_link import make_link
+from posecast_relay.core.policy import PUBLIC, Audience, make_link
 
 HEAD = (
     "Who can publish and who can watch. A running relay applies changes within a second. "

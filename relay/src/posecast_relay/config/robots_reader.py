@@ -28,9 +28,8 @@ from posecast_wire import check_name
 from posecast_wire.credential import SECRET
 from posecast_wire.toml_lines import find_line, index_lines
 
-from posecast_relay.auth.addresses import Network, parse_networks
-from posecast_relay.auth.origins import ORIGIN
-from posecast_relay.core.policy.policy import DELAY_MAX_S, FULL_HZ, PUBLIC, Audience, Policy, Rule
+from posecast_relay.auth.addresses import ORIGIN, Network, parse_networks
+from posecast_relay.core.policy import DELAY_MAX_S, FULL_HZ, PUBLIC, Audience, Policy, Rule
 
 AUDIENCES = tuple(str(audience.value) for audience in Audience)
 ROBOT_FIELDS = ("secret", "expires", "link_key", "keep", *AUDIENCES, "next_secret")
@@ -170,9 +169,9 @@ class _Mistakes:
             lines = index_lines(text)
         except RecursionError:
             lines = {}
-        placed = [(find_line(lines, path), said) for path, said in self.found]
+        placed = [(find_line(lines, path), mistake) for path, mistake in self.found]
         placed.sort(key=lambda each: each[0] or 0)
-        return [f"{said} (at line {line})" if line else said for line, said in placed]
+        return [f"{mistake} (at line {line})" if line else mistake for line, mistake in placed]
 
 
 class _Table:

@@ -12,9 +12,18 @@ from typing import NoReturn, TypeVar
 
 from posecast_wire.command_line.parser import CommandParser
 
-from posecast_relay.auth.addresses import Network, parse_networks
-from posecast_relay.auth.origins import ORIGIN
-from posecast_relay.store_url import StoreUrlError, check_store_url
+from posecast_relay.auth.addresses import ORIGIN, Network, parse_networks
+from posecast_relay.config.store_url import StoreUrlError, check_store_url
+
+PACKAGE = Path(__file__).resolve().parents[1]
+CHECKOUT = PACKAGE.parents[2]  # if this package is installed from a checkout
+PLACES = (PACKAGE / "page", CHECKOUT / "spa/dist")  # a wheel contains the page
+
+
+def find_page(places: Sequence[Path] = PLACES) -> Path | None:
+    """Return the folder of the built page: in this package, else in the checkout; None without either."""
+    return next((place for place in places if (place / "index.html").is_file()), None)
+
 
 T = TypeVar("T")
 

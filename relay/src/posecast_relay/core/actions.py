@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from posecast_wire import Close
 
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
 
 
 @dataclass(slots=True)

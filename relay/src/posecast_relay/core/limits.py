@@ -14,9 +14,9 @@ class Limits:
     viewers: int = 5000  # in total; the next one gets `bye` 1013
     per_address: int = 2000  # streams; a lecture hall may share one address. The next one gets HTTP 503
     robots: int = 1000  # publishers; frames of any more are dropped and counted
-    views: int = 8  # per robot; likewise
+    views: int = 8  # per robot; frames of any more are dropped and counted
     # A robot's share of the relay; beyond it, its own oldest messages are dropped and its status says so
-    # (`share.py`).
+    # (`Share` in `robot.py`).
     view_frames_per_s: float = 120.0
     robot_messages_per_s: float = 600.0  # frames, events and questions together
     robot_bytes_per_s: float = 1e6  # a byte that is hashed counts twice
@@ -45,7 +45,7 @@ class Limits:
     ack_stop_s: float = 0.9  # owed this long (less than 2 s after the last ack): pause sending
     ack_abort_s: float = 14.0  # owed this long (15 s after the last ack): cut
     undrained_s: float = 5.0  # how long a viewer that never acknowledges may leave its buffer unread
-    undrained_acking_s: float = 15.0  # the same for a viewer that acknowledges
+    undrained_acking_s: float = 15.0  # and one that acknowledges
     # A new viewer on a link as slow as this needs time for its first data. It proves that it reads by
     # answering
     # the pings between the events; until its first answer it has only join_burst_s. So a slow reader stays,

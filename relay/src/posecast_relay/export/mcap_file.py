@@ -11,11 +11,10 @@ from posecast_wire.checked import loads
 from posecast_wire.command_line.installation import advise_extra
 
 from posecast_relay.export import ros_messages as ros
+from posecast_relay.export.link_poses import FrameReadings, LinkPose, LinkPoses
+from posecast_relay.export.model_tree import ModelTree, ModelTreeError, read_model_tree
 from posecast_relay.export.ros_topics import RosTopic, compute_values, list_topics
 from posecast_relay.export.table import TableEvent, TableReader, TableRow
-from posecast_relay.kinematics.link_poses import FrameReadings, LinkPose, LinkPoses
-from posecast_relay.kinematics.manifest_values import ModelTreeError
-from posecast_relay.kinematics.model_tree import ModelTree, read_model_tree
 
 if TYPE_CHECKING:
     from mcap.writer import Writer

@@ -1,5 +1,5 @@
 """What the channels of a schema are in messages of ROS 2: which topics there are, and how their numbers come
-from the codes of a frame. docs/how-to/record/mcap.md has the table.
+from the codes of a frame, in SI units. docs/how-to/record/mcap.md has the table.
 
 A field that no message carries as a whole is a topic of its own, /posecast/FIELD, so nothing is left out.
 """
@@ -10,24 +10,65 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from posecast_wire import Schema
 from posecast_wire.schema import JOINT, MISSING, Field, JointMap
 
-from posecast_relay.export.cdr import CdrMessage
 from posecast_relay.export.ros_messages import (
     IMU,
     JOINT_STATE,
     NUMBERS,
     WRENCH,
+    CdrMessage,
     lay_imu,
     lay_joint_state,
     lay_numbers,
     lay_wrench,
 )
-from posecast_relay.kinematics.rotation import quat_of_rpy
-from posecast_relay.unit_conversion import Quantity, find_factor
+from posecast_relay.export.rotation import quat_of_rpy
+
+Quantity = Literal[
+    "position", "velocity", "effort", "rotation rate", "acceleration", "force", "torque", "part"
+]
+
+DEGREE = math.pi / 180
+TURN = 2 * math.pi
+ROTATION = {"rad": 1.0, "deg": DEGREE, "°": DEGREE}
+LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+ROTATION_RATE = {"rad/s": 1.0, "deg/s": DEGREE, "°/s": DEGREE, "rpm": TURN / 60}
+SPEED = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
+FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
+TORQUE = {
+    **dict.fromkeys(("N·m", "Nm", "N*m", "N.m"), 1.0),
+    **dict.fromkeys(("mN·m", "mNm", "N·mm", "Nmm"), 1e-3),
+    **dict.fromkeys(("kN·m", "kNm"), 1e3),
+}
+ACCELERATION = {
+    **dict.fromkeys(("m/s²", "m/s2", "m/s^2"), 1.0),
+    **dict.fromkeys(("mm/s²", "mm/s2", "mm/s^2"), 1e-3),
+    "g": 9.80665,
+}
+# a field without a unit uses the usual one, which is SI (SPEC §2)
+USUAL = {"": 1.0}
+
+FACTORS: Mapping[Quantity, Mapping[str, float]] = {
+    "position": USUAL | ROTATION | LENGTH,
+    "velocity": USUAL | ROTATION_RATE | SPEED,
+    "effort": USUAL | TORQUE | FORCE,
+    "rotation rate": USUAL | ROTATION_RATE,
+    "acceleration": USUAL | ACCELERATION,
+    "force": USUAL | FORCE,
+    "torque": USUAL | TORQUE,
+    "part": USUAL,  # of a quaternion
+}
+
+
+def find_factor(quantity: Quantity, unit: str) -> float | None:
+    """Return the factor that converts a value in `unit` to SI (rad, m, s, N and their products). None if the
+    unit is unknown or measures another quantity."""
+    return FACTORS[quantity].get(unit)
+
 
 IMU_PARTS: Mapping[str, tuple[Sequence[str], Quantity]] = {
     "quat": ("xyzw", "part"),

@@ -14,12 +14,9 @@ from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from posecast_relay.auth.access import Access
-from posecast_relay.core.policy.admission import HIDDEN
-from posecast_relay.core.policy.policy import ANYONE, Grant
-from posecast_relay.core.viewer.messages import describe_pong
-from posecast_relay.http.admin.report import AdminSources
-from posecast_relay.http.admin.routes import add_admin_routes
-from posecast_relay.http.answer_cache import AnswerCache
+from posecast_relay.core.messages import describe_pong
+from posecast_relay.core.policy import ANYONE, HIDDEN, Grant
+from posecast_relay.http.admin.routes import AdminSources, add_admin_routes
 from posecast_relay.http.answers import (
     ErrorAnswer,
     OEmbed,
@@ -30,28 +27,24 @@ from posecast_relay.http.answers import (
     RobotState,
     describe_bytes,
 )
-from posecast_relay.http.auth import (
+from posecast_relay.http.models import GzipCache, make_model_answer
+from posecast_relay.http.previews import FRAME_PX, LinkPreview, Thumbnails
+from posecast_relay.http.robots import StateReader, make_robot_document, make_robots_document
+from posecast_relay.http.static import Guide, KeptFiles, Page
+from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
+from posecast_relay.net.answer_cache import AnswerCache
+from posecast_relay.net.encodings import DecodeCache
+from posecast_relay.net.request import (
     OPEN,
     identify_asker,
     is_on_this_machine,
     make_sharing_headers,
     require_grant,
 )
-from posecast_relay.http.gzip_cache import GzipCache
-from posecast_relay.http.link_preview import FRAME_PX, LinkPreview
-from posecast_relay.http.models import make_model_answer
-from posecast_relay.http.pages.guide import Guide
-from posecast_relay.http.pages.static_folder import KeptFiles
-from posecast_relay.http.pages.static_page import Page
-from posecast_relay.http.past.desk import PastDesk
-from posecast_relay.http.past.routes import add_past_routes
-from posecast_relay.http.robot_state import StateReader
-from posecast_relay.http.robots import make_robot_document, make_robots_document
-from posecast_relay.http.thumbnails import Thumbnails
-from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
-from posecast_relay.past_source import PastAway
+from posecast_relay.past.routes import add_past_routes
+from posecast_relay.past.service import PastService
+from posecast_relay.past.source import PastAway
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.streaming.decode_cache import DecodeCache
 
 NO_PAGE = """The relay is running, but it has no page to show. Start it with --static DIR, the built page
 (in a checkout spa/dist, which `make setup` builds). The API is described at /openapi.json
@@ -84,7 +77,7 @@ def make_app(
     page: Path | None,
     public_url: str | None = None,
     publish_at: str | None = None,
-    past: PastDesk | None = None,
+    past: PastService | None = None,
     find_config_trouble: Callable[[], str | None] = lambda: None,
     admin: AdminSources | None = None,
 ) -> FastAPI:
@@ -170,7 +163,7 @@ def make_app(
 
 
 def _find_trouble(
-    dispatcher: Dispatcher, past: PastDesk | None, find_config_trouble: Callable[[], str | None]
+    dispatcher: Dispatcher, past: PastService | None, find_config_trouble: Callable[[], str | None]
 ) -> str | None:
     """Return why the relay is degraded, in one line that anybody may read; None if it is not."""
     live, past_ = dispatcher.store.find_trouble(), None if past is None else past.source.find_trouble()
@@ -239,7 +232,7 @@ def _add_robots(app: FastAPI, access: Access, decoded: DecodeCache, publish_at: 
         return Response(body, media_type="application/json", headers=headers)
 
 
-def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastDesk | None) -> None:
+def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastService | None) -> None:
     packed = GzipCache(models.room)
 
     @app.get(
@@ -275,7 +268,7 @@ async def _announces(access: Access, grant: Grant, digest: str) -> bool:
     return any(room is not None and room.stream.model == digest for room in (*rooms, own))
 
 
-async def _shows_model(past: PastDesk, grant: Grant, digest: str) -> bool:
+async def _shows_model(past: PastService, grant: Grant, digest: str) -> bool:
     """Whether the client may see a past that refers to this model. Raises HTTPException 503."""
     try:
         await past.source.refresh(grant.robot, grant.view)

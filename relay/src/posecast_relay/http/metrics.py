@@ -5,19 +5,64 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import accumulate
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from posecast_wire import Close
 from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from posecast_relay.core.breaker import Breaker
-from posecast_relay.core.histogram import BOUNDS_S, Histogram
-from posecast_relay.core.hub import Hub
-from posecast_relay.core.past.recorder import Recorder
-from posecast_relay.http.archive_metrics import ArchiveStats, describe_archive
+from posecast_relay.core.hub import Hub, RecordsPast
+from posecast_relay.kit import BOUNDS_S, Breaker, Histogram
 from posecast_relay.runtime.dispatcher import Dispatcher
+
+
+class ArchiveFigures(NamedTuple):
+    """The state of an archive. `stored_bytes`: as far as it has been scanned. `free_bytes`, `disk_bytes`:
+    None if unknown. Counters start with the process.
+    """
+
+    trouble: str | None
+    written: int
+    dropped: int
+    expired: int
+    failures: int
+    waiting_bytes: int
+    stored_bytes: int
+    free_bytes: int | None
+    disk_bytes: int | None
+
+
+class ArchiveStats(Protocol):
+    """An archive that can be measured, from any thread."""
+
+    def measure(self) -> ArchiveFigures:
+        """Return the archive's present state."""
+
+
+def describe_archive(archive: ArchiveStats) -> Iterable[Metric]:
+    """Yield the archive's metrics with their present values."""
+    now = archive.measure()
+    yield GaugeMetricFamily(
+        "posecast_archive_up", "Whether the archive's store works", 0 if now.trouble else 1
+    )
+    fates = CounterMetricFamily(
+        "posecast_archive_segments", "Segments for the store by result", labels=["fate"]
+    )
+    for fate, count in (("written", now.written), ("dropped", now.dropped), ("expired", now.expired)):
+        fates.add_metric([fate], count)
+    yield fates
+    yield CounterMetricFamily("posecast_archive_failures", "Calls to the store that failed", now.failures)
+    yield GaugeMetricFamily(
+        "posecast_archive_waiting_bytes", "Memory of segments that wait to be written", now.waiting_bytes
+    )
+    yield GaugeMetricFamily("posecast_archive_bytes", "Size of the segments in the store", now.stored_bytes)
+    if now.free_bytes is not None and now.disk_bytes is not None:
+        yield GaugeMetricFamily(
+            "posecast_archive_free_bytes", "Free space on the archive's disk", now.free_bytes
+        )
+        yield GaugeMetricFamily("posecast_archive_disk_bytes", "Size of the archive's disk", now.disk_bytes)
+
 
 EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
 
@@ -37,7 +82,7 @@ class PastStats(Protocol):
     crowded_out: int
 
 
-class PastWayStats(Protocol):
+class PastConnectionStats(Protocol):
     """The counters of the past's connection to Redis. `passed_over`: invalid entries there."""
 
     passed_over: int
@@ -74,7 +119,7 @@ class RelayCollector(Collector):
         mirror: MirrorStats | None = None,
         refused: Callable[[], int] = int,
         past: PastStats | None = None,
-        way: PastWayStats | None = None,
+        connection: PastConnectionStats | None = None,
         held: HeldStats | None = None,
         archive: ArchiveStats | None = None,
         measure_config: Callable[[], Mapping[str, int]] = dict,
@@ -94,7 +139,7 @@ class RelayCollector(Collector):
         self._hubs = [dispatcher.hub for dispatcher in dispatchers]
         self._mirror = mirror
         self._past = past
-        self._way = way
+        self._connection = connection
         self._held = held
         self._archive = archive
         self._measure_config = measure_config
@@ -189,8 +234,8 @@ class RelayCollector(Collector):
             yield from _describe_mirror(self._mirror)
         if self._past is not None:
             yield from _describe_past(self._past, hub.recorder)
-        if self._way is not None:
-            yield from _describe_way(self._way)
+        if self._connection is not None:
+            yield from _describe_past_connection(self._connection)
         if self._held is not None:
             yield from _describe_held(self._held)
         if self._archive is not None:
@@ -223,7 +268,7 @@ def _describe_mirror(mirror: MirrorStats) -> Iterable[Metric]:
     )
 
 
-def _describe_past(past: PastStats, recorder: Recorder | None) -> Iterable[Metric]:
+def _describe_past(past: PastStats, recorder: RecordsPast | None) -> Iterable[Metric]:
     yield CounterMetricFamily("posecast_past_segments", "Segments closed and kept", past.added)
     yield CounterMetricFamily(
         "posecast_past_crowded_out_segments",
@@ -235,19 +280,21 @@ def _describe_past(past: PastStats, recorder: Recorder | None) -> Iterable[Metri
     yield CounterMetricFamily("posecast_past_faults", "Recordings that failed and were restarted", faults)
 
 
-def _describe_way(way: PastWayStats) -> Iterable[Metric]:
-    seconds, losses = way.get_exchanges()
-    up = 0 if way.find_trouble() else 1
+def _describe_past_connection(connection: PastConnectionStats) -> Iterable[Metric]:
+    seconds, losses = connection.get_exchanges()
+    up = 0 if connection.find_trouble() else 1
     yield GaugeMetricFamily("posecast_past_redis_up", "Whether the past can use Redis", up)
     yield _make_histogram(
         "posecast_past_redis_seconds", "Exchanges with Redis for the past; they time out at 0.25", seconds
     )
     yield CounterMetricFamily("posecast_past_redis_losses", "Times the past lost Redis", losses)
     yield CounterMetricFamily(
-        "posecast_past_redis_passed_over", "Damaged entries in Redis that were ignored", way.passed_over
+        "posecast_past_redis_passed_over",
+        "Damaged entries in Redis that were ignored",
+        connection.passed_over,
     )
-    if isinstance(way, PastWriterStats):
-        fates = {"written": way.written, "dropped": way.dropped}
+    if isinstance(connection, PastWriterStats):
+        fates = {"written": connection.written, "dropped": connection.dropped}
         text = "Segments for Redis by result"
         yield _make_labelled("posecast_past_redis_segments", text, "fate", fates, CounterMetricFamily)
 

@@ -22,11 +22,10 @@ import httpx
 from google.auth.credentials import Credentials
 
 from posecast_relay.auth.access import Access
-from posecast_relay.blocking_calls import BlockingCalls
-from posecast_relay.core.breaker import Breaker
-from posecast_relay.core.mirror import HZ, Mirror, NodeChange, VisibleRobot
-from posecast_relay.core.policy.admission import Applicant
-from posecast_relay.core.policy.policy import ANYONE, Grant
+from posecast_relay.core.policy import ANYONE, Applicant, Grant
+from posecast_relay.kit import Breaker
+from posecast_relay.mirror.changes import HZ, Mirror, NodeChange, VisibleRobot
+from posecast_relay.runtime.tasks import BlockingCalls
 
 log = logging.getLogger("posecast_relay")
 
@@ -118,7 +117,7 @@ class FirebaseMirror:
                 yield name, shown
 
     def _shown_of(self, name: str) -> VisibleRobot | None:
-        grant = self._access.judge(Applicant(name, who=ANYONE))
+        grant = self._access.admit(Applicant(name, who=ANYONE))
         if not isinstance(grant, Grant) or grant.viewers is not None:
             return None
         robot, room = self._access.find_robot(grant) or (None, None)

@@ -19,6 +19,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeVar, cast
 
+from posecast_relay.kit import REFUSED_S, RefusalMemory
 from posecast_relay.logging import visible
 from posecast_relay.models.manifest import (
     BYTES_MAX,
@@ -28,7 +29,6 @@ from posecast_relay.models.manifest import (
     read_manifest,
 )
 from posecast_relay.models.memory import ENTRY_BYTES, Claim, ModelMemory
-from posecast_relay.models.refusal_memory import REFUSED_S, RefusalMemory
 
 RANGE_BYTES = 250_000
 TRIES = 3  # of a range

@@ -16,8 +16,8 @@ from posecast_wire.recording import RECORDING_FILE, PastRecording, RecordingErro
 from posecast_wire.recording.contents import RECORDING_BYTES_MAX
 
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.export.recording_files import FileUnreadable, RecordingFiles, open_recording_files
-from posecast_relay.export.span import ExportedSpan
+from posecast_relay.export.span import ExportedSpan, FileUnreadable, RecordingFiles, open_recording_files
+from posecast_relay.past_command.common import write_moment
 from posecast_relay.past_command.export import (
     WRITING_FAILED,
     WrittenExport,
@@ -26,7 +26,6 @@ from posecast_relay.past_command.export import (
     tell_written,
     write_table_file,
 )
-from posecast_relay.past_command.moments import write_moment
 from posecast_relay.recording.collector import NothingThere
 from posecast_relay.recording.output import check_place, open_place
 

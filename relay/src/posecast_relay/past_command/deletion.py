@@ -10,18 +10,26 @@ from collections.abc import Mapping
 
 from posecast_wire.command_line.progress_bar import ProgressBar
 
-from posecast_relay.archive.deletion.eraser import Erased, erase, find_covered
-from posecast_relay.archive.deletion.tombstones import put_tombstone
+from posecast_relay.archive.deletion import Erased, erase, find_covered, put_tombstone
 from posecast_relay.archive.names import TOMBSTONES
-from posecast_relay.archive.object_store import NO_SPACE, ArchiveError, ArchiveRefused, ObjectStore
+from posecast_relay.archive.store import NO_SPACE, ArchiveError, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.past.deletions import Deletion
-from posecast_relay.counted import write_count
-from posecast_relay.deletion_record import make_deletion, pack_deletion
-from posecast_relay.past_command.failure import CommandFailed
-from posecast_relay.past_command.location import add_location, add_robot, open_store
-from posecast_relay.past_command.moments import TimeError, read_moment, write_span
-from posecast_relay.past_command.relay_socket import OTHER_VERSION, RelayAway, ask_relay, find_relay_store
+from posecast_relay.kit import write_count
+from posecast_relay.past.deletion_record import make_deletion, pack_deletion
+from posecast_relay.past.deletions import Deletion
+from posecast_relay.past_command.common import (
+    OTHER_VERSION,
+    CommandFailed,
+    RelayAway,
+    TimeError,
+    add_location,
+    add_robot,
+    ask_relay,
+    find_relay_store,
+    open_store,
+    read_moment,
+    write_span,
+)
 
 HELP = "delete all or part of a robot's past from the store, Redis and, within 10 s, running relays"
 LATER = (

@@ -21,28 +21,30 @@ from posecast_wire.recording.contents import TITLE_CHARACTERS_MAX
 from posecast_wire.recording.reader import CONTROLS
 
 from posecast_relay.archive.names import PAGE_MS
-from posecast_relay.config.built_page import find_page
-from posecast_relay.config.settings import SettingsError
-from posecast_relay.core.policy.policy import PUBLIC, Audience
-from posecast_relay.counted import write_count
+from posecast_relay.config.settings import SettingsError, find_page
+from posecast_relay.core.policy import PUBLIC, Audience
 from posecast_relay.export.csv_file import TooManyColumnsError
-from posecast_relay.export.held_time import GAP_MS, HeldTime
 from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
-from posecast_relay.export.recording_files import RecordingFolder
-from posecast_relay.export.span import ExportedSpan
-from posecast_relay.export.table_file import write_table
-from posecast_relay.past_command.failure import CommandFailed
-from posecast_relay.past_command.location import open_store, read_name
-from posecast_relay.past_command.moments import TimeError, read_moment, write_length, write_moment
+from posecast_relay.export.span import ExportedSpan, RecordingFolder, write_table
+from posecast_relay.export.table import GAP_MS, HeldTime
+from posecast_relay.kit import write_count
+from posecast_relay.past_command.common import (
+    CommandFailed,
+    TimeError,
+    open_store,
+    read_moment,
+    read_name,
+    write_length,
+    write_moment,
+)
 from posecast_relay.recording.collector import Collection, Collector, Description, NothingThere
 from posecast_relay.recording.data_files import DATA_MAX_MB, write_data_files
 from posecast_relay.recording.http_source import HttpSource
 from posecast_relay.recording.notes import NotesError, place_notes, read_notes
-from posecast_relay.recording.output import OutputError, check_place, open_place
+from posecast_relay.recording.output import OutputError, check_place, open_place, pack_recording
 from posecast_relay.recording.page import add_page, check_page, unpacks_segments
 from posecast_relay.recording.source import PastUnreadable, RecordingSource
 from posecast_relay.recording.store_source import StoreSource
-from posecast_relay.recording.zip_file import pack_recording
 
 HELP = "export a time span of the past: a folder that plays in a browser, .posecast, .csv or .mcap"
 RELAY = "http://127.0.0.1:8080"

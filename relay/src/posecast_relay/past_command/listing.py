@@ -11,11 +11,18 @@ from dataclasses import dataclass
 from posecast_wire.command_line.progress_bar import ProgressBar
 
 from posecast_relay.archive.names import DAY_MS, read_segment_key, write_day
-from posecast_relay.archive.object_store import ObjectStore
-from posecast_relay.counted import write_count
-from posecast_relay.past_command.location import add_location, add_robot, open_store
-from posecast_relay.past_command.moments import write_moment_utc
-from posecast_relay.past_command.relay_socket import OTHER_VERSION, RelayAway, ask_relay, find_relay_store
+from posecast_relay.archive.store import ObjectStore
+from posecast_relay.kit import write_count
+from posecast_relay.past_command.common import (
+    OTHER_VERSION,
+    RelayAway,
+    add_location,
+    add_robot,
+    ask_relay,
+    find_relay_store,
+    open_store,
+    write_moment_utc,
+)
 
 HELP = "list the kept past: from, to, bytes and segments of each robot and view (UTC)"
 

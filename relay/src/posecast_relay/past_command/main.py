@@ -9,11 +9,10 @@ from typing import NamedTuple, NoReturn
 
 from posecast_wire.command_line.parser import CommandParser
 
-from posecast_relay.archive.object_store import ArchiveError
+from posecast_relay.archive.store import ArchiveError
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.past_command import deletion, export, listing
-from posecast_relay.past_command.failure import CommandFailed
-from posecast_relay.past_command.relay_socket import RelayAway
+from posecast_relay.past_command.common import CommandFailed, RelayAway
 
 STATUSES = {0: "success", 1: "the command failed, or you answered no", 2: "wrong arguments"}
 

@@ -207,8 +207,8 @@ class Collector:
             return
         start = segment.start
         name = (start.take, start.index, start.from_ms, segment.to_ms)
-        said = (start.robot, start.view, ListedSegment(*name, listed.sha256))
-        if said != (self._source.robot, self._source.view, listed):
+        named = (start.robot, start.view, ListedSegment(*name, listed.sha256))
+        if named != (self._source.robot, self._source.view, listed):
             found.lose(path, f"is of {start.robot}/{start.view}, take {start.take:016x}, index {start.index}")
             return
         if start.schema is not None and start.schema not in found.schemas:

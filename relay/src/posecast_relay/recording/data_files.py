@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from posecast_relay.export.csv_file import TooManyColumnsError
 from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
-from posecast_relay.export.span import ExportedSpan
-from posecast_relay.export.table_file import write_table
+from posecast_relay.export.span import ExportedSpan, write_table
 from posecast_relay.recording.output import DATA_FILES
 
 if TYPE_CHECKING:

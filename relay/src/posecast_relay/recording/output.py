@@ -1,4 +1,7 @@
-"""Where an export is written: beside its place under another name, then moved there whole, or not at all."""
+"""Where an export is written: beside its place under another name, then moved there whole, or not at all.
+
+Also packs a recording's folder into one `.posecast` file. The same recording always gives the same bytes.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,11 @@ import os
 import shutil
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from posecast_wire.checked import make_visible
-from posecast_wire.recording import RECORDING_FILE, decode_recording
+from posecast_wire.recording import RECORDING_FILE, PastRecording, decode_recording, segment_path
 from posecast_wire.recording.contents import RECORDING_BYTES_MAX
 
 MADE, OLD, COLLECTED = "made", "old", "collected"  # the entries that a hidden folder of ours can have
@@ -181,7 +184,7 @@ def _find_foreign(path: Path) -> str | None:
 
 
 def _find_foreign_entry(folder: Path) -> str | None:
-    """The same of a folder, by what lies in it."""
+    """Why a folder is not, or not only, what this command writes, by what lies in it; None when it is."""
     with os.scandir(folder) as found:
         entries = sorted(found, key=lambda entry: entry.name)
     if RECORDING_FILE not in (entry.name for entry in entries):
@@ -233,3 +236,37 @@ def _is_packed_recording(path: Path) -> bool:
 
 def _name(path: Path) -> str:
     return make_visible(path.name[:NAME_SHOWN])
+
+
+WORTH_IT = 0.95  # an entry is deflated if that leaves less than this share of its bytes, else stored
+DEFLATE_UP_TO_BYTES = 64 << 20
+UNIX, PLAIN_FILE = 3, 0o100644 << 16
+
+
+def pack_recording(
+    folder: Path,
+    recording: PastRecording,
+    file: Path,
+    report: Callable[[int, int], None] = lambda _done, _total: None,
+) -> None:
+    """Write the ZIP. First comes `recording.json`, then segments in their order, then all else by name.
+
+    `report` is told how many files of how many are in it, after each. Raises OSError.
+    """
+    segments = [segment_path(each.take, each.index) for each in recording.segments]
+    known = {RECORDING_FILE, *segments}
+    others = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    names = (RECORDING_FILE, *segments, *sorted(name for name in others if name not in known))
+    with zipfile.ZipFile(file, "w") as packed:
+        for done, name in enumerate(names, 1):
+            data = (folder / name).read_bytes()
+            entry = zipfile.ZipInfo(name)  # of 1980: nothing of the clock
+            entry.create_system, entry.external_attr = UNIX, PLAIN_FILE
+            packed.writestr(entry, data, zipfile.ZIP_DEFLATED if _shrinks(data) else zipfile.ZIP_STORED, 6)
+            report(done, len(names))
+
+
+def _shrinks(data: bytes) -> bool:
+    if len(data) > DEFLATE_UP_TO_BYTES:
+        return False
+    return len(zlib.compress(data, 6)) < WORTH_IT * len(data)

@@ -8,8 +8,8 @@ from collections.abc import AsyncIterator
 from posecast_wire.schema import TEXT_BYTES_MAX as SCHEMA_BYTES_MAX
 from posecast_wire.segment.envelope import ENVELOPE_BYTES_MAX
 
-from posecast_relay.archive.deletion.tombstones import get_tombstone, list_tombstones
-from posecast_relay.archive.models.keeper import MANIFEST, make_model_key
+from posecast_relay.archive.deletion import get_tombstone, list_tombstones
+from posecast_relay.archive.models import MANIFEST, make_model_key
 from posecast_relay.archive.names import (
     DAY_MS,
     PAGE_MS,
@@ -22,10 +22,10 @@ from posecast_relay.archive.names import (
     read_page,
     read_segment_key,
 )
-from posecast_relay.archive.object_store import ObjectStore
-from posecast_relay.core.past.deletions import Deletion
-from posecast_relay.core.policy.policy import Audience
+from posecast_relay.archive.store import ObjectStore
+from posecast_relay.core.policy import Audience
 from posecast_relay.models.manifest import BYTES_MAX as MANIFEST_BYTES_MAX
+from posecast_relay.past.deletions import Deletion
 from posecast_relay.recording.source import ListedSegment, SourceSpan
 
 

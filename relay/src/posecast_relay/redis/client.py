@@ -1,6 +1,6 @@
 """The Redis client of all roles: one server, TLS or a Cluster, by URL. Defines keys, limits every call.
 
-    posecast:{ROBOT}:generation   the newest claimed generation: see `guard.py`
+    posecast:{ROBOT}:generation   the newest claimed generation: see `scripts.py`
     posecast:{ROBOT}:writer       the writer's generation; expires after 1.5 s
     posecast:{ROBOT}:status       whether its agent is connected, age of its frames; expires after 3.5 s
     posecast:{ROBOT}:VIEW:state   hash: generation seq run stamp version schema key_id key ref frame info
@@ -16,6 +16,7 @@ called `-`.
 from __future__ import annotations
 
 import asyncio
+import socket
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, TypeVar
@@ -28,9 +29,8 @@ from redis.backoff import NoBackoff
 from redis.exceptions import NoScriptError, RedisClusterException, RedisError, ResponseError
 from redis.maint_notifications import MaintNotificationsConfig
 
-from posecast_relay.core.histogram import Histogram
-from posecast_relay.core.outage_log import OutageLog
-from posecast_relay.redis.dns import HostLookup
+from posecast_relay.kit import Histogram, OutageLog
+from posecast_relay.runtime.tasks import BlockingCalls, SharedTasks
 
 T = TypeVar("T")
 Call = tuple[str, Sequence[str], Sequence[Any]]  # a script, its keys and its arguments
@@ -223,3 +223,79 @@ async def cancel_tasks(*tasks: asyncio.Task[None] | None) -> None:
 def name_error(error: BaseException) -> str:
     """Return an error's name for public answers, without addresses."""
     return f"redis: {type(error).__name__}"
+
+
+# Estimates Redis's clock, so that processes can tell how long ago another one wrote something.
+#
+# Hosts' clocks differ, and each process's monotonic clock starts at an arbitrary value. Each exchange that
+# returns Redis's time limits the difference from both sides. The narrowest limits are used until an exchange
+# contradicts them, which means that a clock was set or stopped.
+
+ERROR_S = 0.05
+DRIFT = 1e-4  # clocks drift apart by up to 100 ppm
+
+
+class RedisClock:
+    """Estimates Redis's clock.
+
+    Times are in seconds; `now`, `asked_at`, `answered_at` of this process's clock.
+    """
+
+    def __init__(self) -> None:
+        self._least = float("-inf")  # of Redis's clock less this process's
+        self._most = float("inf")
+        self._seen_at = 0.0
+
+    def record_time(self, redis_s: float, asked_at: float, answered_at: float) -> None:
+        """Record the time that Redis returned between these two moments."""
+        least, most = redis_s - answered_at, redis_s - asked_at
+        parted = DRIFT * max(0.0, answered_at - self._seen_at)
+        narrow = max(least, self._least - parted), min(most, self._most + parted)
+        self._least, self._most = narrow if narrow[0] <= narrow[1] else (least, most)
+        self._seen_at = answered_at
+
+    def estimate_time(self, now: float) -> float | None:
+        """Return Redis's time at `now`; None before any exchange."""
+        if self._most == float("inf"):
+            return None
+        return now + (self._least + self._most) / 2
+
+    def compute_elapsed(self, sent_s: float | None, now: float) -> float | None:
+        """Return how many seconds before `now` something was sent at Redis's time `sent_s`; None when
+        unknown.
+        """
+        redis_s = self.estimate_time(now)
+        if redis_s is None or sent_s is None:
+            return None
+        error_s = self._most - self._least + ERROR_S  # of the writer's estimate and of this one
+        return (
+            max(0.0, redis_s - sent_s) if sent_s <= redis_s + error_s else None
+        )  # the clock has been set back
+
+
+# Looks up a host's name in a separate thread, so that nothing else waits for the answer.
+#
+# A resolver that does not answer blocks its caller for half a minute. The event loop's lookups would queue up
+# behind it, and the process could not exit meanwhile.
+
+
+class HostLookup:
+    """Looks up one host's name, in one thread at a time."""
+
+    def __init__(self, host: str) -> None:
+        self._host = host
+        self._calls = BlockingCalls(1, "lookup")
+        self._under_way = SharedTasks("lookup")
+
+    async def find(self) -> None:
+        """Return when the name is found.
+
+        Raises OSError if it is not found. Callers may cancel the wait at any time.
+        """
+        await self._under_way.run(self._host, self._ask)
+
+    async def _ask(self) -> None:
+        try:
+            await self._calls.run(socket.getaddrinfo, self._host, None, type=socket.SOCK_STREAM)
+        except UnicodeError as e:  # not a valid name
+            raise OSError(str(e)) from None

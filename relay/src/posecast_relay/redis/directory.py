@@ -19,8 +19,7 @@ from typing import Any
 from posecast_wire import check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.redis.client import RedisClient
-from posecast_relay.redis.clock import RedisClock
+from posecast_relay.redis.client import RedisClient, RedisClock
 
 KEYS = ("posecast:{-}:robots", "posecast:{-}:viewers", "posecast:{-}:ingests")
 FRESH_S = 4.0  # older entries of a process are ignored
@@ -125,9 +124,9 @@ class RedisDirectory:
 def _rows(flat: list[bytes]) -> Iterator[tuple[str, float, dict[str, Any]]]:
     """Yield the name, time and document of each valid row."""
     for name, text in zip(flat[::2], flat[1::2], strict=True):
-        written, _, said = text.partition(b" ")
+        written, _, document = text.partition(b" ")
         with contextlib.suppress(ValueError, RecursionError):
-            doc = loads(said) if len(said) <= ROW_BYTES_MAX else None
+            doc = loads(document) if len(document) <= ROW_BYTES_MAX else None
             if isinstance(doc, dict):
                 _compact(doc).encode()  # 1e999 and half a surrogate pair are JSON that nobody can write again
                 yield check_name("row", name.decode()), float(written), doc

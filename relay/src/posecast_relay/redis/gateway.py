@@ -9,29 +9,29 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+from collections import Counter
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
 from posecast_relay.core.actions import Action, Fault
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.replica_feed import ReplicaFeed
-from posecast_relay.core.replica_messages import Presence, StreamState
-from posecast_relay.core.state.stream import FrameOutcome, Stream
+from posecast_relay.core.policy import PUBLIC
+from posecast_relay.core.replica import Presence, ReplicaFeed, StreamState
+from posecast_relay.core.stream import FrameOutcome, Stream
+from posecast_relay.kit import Histogram
 from posecast_relay.redis.client import (
     REDIS_ERRORS,
     STATUS_MS,
     RedisClient,
     cancel_tasks,
+    channel,
     name_error,
     state_key,
     status_key,
 )
 from posecast_relay.redis.directory import BOARD, FRESH_S, RedisDirectory
 from posecast_relay.redis.messages import unpack, unpack_state
-from posecast_relay.redis.subscriber import RedisSubscriber
 from posecast_relay.runtime.dispatcher import Dispatcher
 
 log = logging.getLogger("posecast_relay")
@@ -67,7 +67,7 @@ class RedisGateway:
         self.losses = 0  # how often Redis was lost
         self._now = now
         self._pinned = pinned
-        self._said = ReplicaFeed(hub)
+        self._replica = ReplicaFeed(hub)
         self._subscriber = RedisSubscriber(
             self.link, self._take_message, self._record_loss, self._handle_fault
         )
@@ -105,7 +105,7 @@ class RedisGateway:
     async def start(self, dispatcher: Dispatcher) -> None:
         """Start to feed the dispatcher's hub. Redis need not be running yet."""
         self._dispatcher = dispatcher
-        dispatcher.carry_out(self._said.mark_disconnected(self._now()))
+        dispatcher.carry_out(self._replica.mark_disconnected(self._now()))
         self._task = asyncio.create_task(self._work(), name="redis gateway")
 
     async def stop(self) -> None:
@@ -146,7 +146,7 @@ class RedisGateway:
             raise self._failure
         self._reader = asyncio.create_task(self._read_on(), name="redis reader")
         self._trouble = None
-        self._dispatcher.carry_out(self._said.mark_connected(self._now()))
+        self._dispatcher.carry_out(self._replica.mark_connected(self._now()))
 
     async def _handle_failure(self, error: BaseException) -> None:
         if why := self.link.note_failure(error):
@@ -155,7 +155,7 @@ class RedisGateway:
         self.losses += self._trouble is None
         self._failure = None
         self._trouble = name_error(error)  # /readyz is public: no addresses
-        self._dispatcher.carry_out(self._said.mark_disconnected(self._now()))
+        self._dispatcher.carry_out(self._replica.mark_disconnected(self._now()))
         await cancel_tasks(self._reader)
         subscriber, self._subscriber = (
             self._subscriber,
@@ -201,16 +201,16 @@ class RedisGateway:
             watched.wanted_at = now
         elif now - watched.wanted_at > GRACE_S and watched.opened.is_set():
             del self._watched[robot]
-            self._said.forget_robot(robot)
+            self._replica.forget_robot(robot)
             await self._subscriber.unsubscribe(robot)
             return
         if not self._subscriber.is_subscribed(robot):
             self._plan_subscription(robot)
-        self._judge_silence(robot, now)
+        self._check_silence(robot, now)
 
-    def _judge_silence(self, robot: str, now: float) -> None:
+    def _check_silence(self, robot: str, now: float) -> None:
         """Find out why a robot is silent: it has left, its relay is gone, or this connection is dead."""
-        source = self._said.get_source(robot)
+        source = self._replica.get_source(robot)
         if source.told_at is None or now - source.told_at <= UNHEARD_S:
             return
         if self.directory.ages_s.get(robot, FRESH_S) < FRESH_S / 2:
@@ -218,16 +218,16 @@ class RedisGateway:
             self._plan_subscription(robot)  # which fails, and all is begun anew, if the connection is dead
         elif self.directory.ingests:  # a relay is there and does not know this robot
             source.record_presence(None)
-            self._dispatcher.carry_out(self._said.clear_token(robot, now))
+            self._dispatcher.carry_out(self._replica.clear_token(robot, now))
         else:
-            self._dispatcher.carry_out(self._said.set_degraded(True, now, robot))
+            self._dispatcher.carry_out(self._replica.set_degraded(True, now, robot))
 
     def _handle_fault(self, robot: str | None, error: Exception) -> None:
         """Report an exception. If it concerns a robot, read that robot's state again."""
         self._dispatcher.hub.outcomes[FrameOutcome.FAULT.value] += 1
         self._dispatcher.carry_out([Fault(f"redis: {robot}" if robot else "redis", error)])
         if robot is not None:
-            self._dispatcher.carry_out(self._said.request_state(robot, self._now()))
+            self._dispatcher.carry_out(self._replica.request_state(robot, self._now()))
 
     # ---- robots wanted ------------------------------------------------------
 
@@ -292,7 +292,7 @@ class RedisGateway:
     async def _read(self, *robots: str) -> None:
         """Read the robots' states and status from Redis, in one exchange."""
         asked = [
-            (robot, self._list_views(robot), self._said.get_source(robot).generation) for robot in robots
+            (robot, self._list_views(robot), self._replica.get_source(robot).generation) for robot in robots
         ]
         if not asked:
             return
@@ -322,11 +322,11 @@ class RedisGateway:
                 self._record_bad(robot, e)
         if found:
             newest = max(state.generation for state in found.values())
-            self._said.set_generation(robot, newest, asked_generation)
+            self._replica.set_generation(robot, newest, asked_generation)
         now, out = self._now(), []
         for view, state in found.items():
             try:
-                out += self._said.take_state(robot, view, state, now)
+                out += self._replica.take_state(robot, view, state, now)
             except ValueError as e:
                 self._record_bad(robot, e)
         return out
@@ -346,13 +346,13 @@ class RedisGateway:
     def _read_message(self, robot: str, data: bytes, was_read: bool = False) -> list[Action]:
         now = self._now()
         try:
-            said = unpack(data)
-            under_way_s = self.directory.clock.compute_elapsed(said.sent_s, now)
+            message = unpack(data)
+            under_way_s = self.directory.clock.compute_elapsed(message.sent_s, now)
             if was_read and under_way_s is None:  # it may be arbitrarily old
                 return []
-            if isinstance(said, Presence):
-                return self._said.take_presence(robot, said, under_way_s, now)
-            return self._said.take_update(robot, said, under_way_s, now)
+            if isinstance(message, Presence):
+                return self._replica.take_presence(robot, message, under_way_s, now)
+            return self._replica.take_update(robot, message, under_way_s, now)
         except ValueError as e:
             self._record_bad(robot, e)
             return []
@@ -360,3 +360,105 @@ class RedisGateway:
     def _record_bad(self, robot: str, error: ValueError) -> None:
         self._dispatcher.hub.outcomes[FrameOutcome.BAD.value] += 1
         log.info("%s from redis: %.200s", robot, error)
+
+
+PREFIX, SUFFIX = "posecast:{", "}:live"
+
+
+class RedisSubscriber:
+    """Calls `heard(robot, message)` in the order of each robot's messages, and `lost(error)` if a connection
+    fails. Then `close` it and make a new one. It calls `failed(robot, error)` if a bug prevents a robot's
+    subscription. None of the three may raise.
+    """
+
+    def __init__(
+        self,
+        link: RedisClient,
+        heard: Callable[[str, bytes], None],
+        lost: Callable[[BaseException], None],
+        failed: Callable[[str, Exception], None],
+    ) -> None:
+        self._link = link
+        self._heard = heard
+        self._lost = lost
+        self._failed = failed
+        self._at: dict[tuple[str, int], tuple[Any, asyncio.Task[None]]] = {}
+        self._asking = asyncio.Lock()
+        self._confirmed: dict[str, asyncio.Future[None]] = {}
+        self._pubsubs: dict[str, Any] = {}
+        self._leaving: Counter[str] = Counter()  # robots whose unsubscription has not been confirmed
+
+    async def subscribe(self, *robots: str) -> None:
+        """Subscribe to robots. After this returns, no message is missed. Raises REDIS_ERRORS."""
+        async with self._asking:  # the first caller opens a server's only connection
+            asked = [robot for robot in robots if await self._guarded(robot)]
+        await self._link.call(asyncio.gather(*(self._confirmed[robot] for robot in asked)))
+
+    def is_subscribed(self, robot: str) -> bool:
+        """Whether this robot is subscribed."""
+        return robot in self._pubsubs
+
+    async def _guarded(self, robot: str) -> bool:
+        try:
+            await self._ask(robot)
+        except REDIS_ERRORS:
+            raise
+        except Exception as e:
+            self._pubsubs.pop(robot, None)
+            self._failed(robot, e)
+            return False
+        return True
+
+    async def _ask(self, robot: str) -> None:
+        address, client = self._link.open_listener(robot)
+        self._confirmed[robot] = asyncio.get_running_loop().create_future()
+        known = self._at.get(address)
+        pubsub = client.pubsub() if known is None else known[0]
+        self._pubsubs[robot] = pubsub
+        await self._link.call(pubsub.ssubscribe(channel(robot)))
+        if known is None:
+            self._at[address] = (pubsub, asyncio.create_task(self._listen(pubsub), name="redis ear"))
+
+    async def unsubscribe(self, robot: str) -> None:
+        """Unsubscribe from a robot. Raises REDIS_ERRORS."""
+        async with self._asking:
+            pubsub = self._pubsubs.pop(robot, None)
+            self._confirmed.pop(robot, None)
+            if pubsub is not None:
+                self._leaving[robot] += 1
+                await self._link.call(pubsub.sunsubscribe(channel(robot)))
+
+    async def close(self) -> None:
+        """Drop all connections."""
+        listening, self._at = self._at, {}
+        await cancel_tasks(*(task for _, task in listening.values()))
+        for pubsub, _ in listening.values():
+            with contextlib.suppress(*REDIS_ERRORS):
+                await self._link.call(pubsub.aclose())
+
+    async def _listen(self, pubsub: Any) -> None:
+        try:
+            while True:
+                message = await pubsub.get_message(timeout=None)
+                if message is not None:
+                    self._take(message["type"], _read_robot(message["channel"]), message["data"])
+        except Exception as e:  # a connection that is lost, or closed under way; a message that is none
+            self._lost(e)
+
+    def _take(self, kind: str, robot: str, data: Any) -> None:
+        if kind == "smessage":
+            self._heard(robot, data)
+        elif kind == "ssubscribe":
+            confirmed = self._confirmed.get(robot)
+            if confirmed is not None and not confirmed.done():
+                confirmed.set_result(None)
+        elif kind == "sunsubscribe" and self._leaving[robot] > 0:
+            self._leaving[robot] -= 1
+            if not self._leaving[robot]:
+                del self._leaving[robot]
+        elif kind == "sunsubscribe" and robot in self._pubsubs:
+            raise ConnectionError("the channel has moved to another node")
+
+
+def _read_robot(name: bytes) -> str:
+    return name.decode().removeprefix(PREFIX).removesuffix(SUFFIX)

@@ -1,4 +1,6 @@
 """Encodes the data that relays exchange through Redis: messages on a robot's channel, and a stream's hash.
+Makes the messages about a robot for other processes: updates of a stream, its whole state, and presence.
+Does no I/O.
 
 Data from Redis is not trusted: malformed data raises ValueError with a message of one line.
 """
@@ -9,12 +11,14 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from posecast_wire import Snapshot, check_name
 from posecast_wire.checked import loads
 
-from posecast_relay.core.replica_messages import Presence, StreamState, StreamUpdate
+from posecast_relay.core.replica import Presence, StreamState, StreamUpdate
+from posecast_relay.core.robot import Robot
+from posecast_relay.core.stream import StoredFrame, Stream
 
 UPDATE, STANDING = b"U", b"S"
 HEADER_END = b"\n"
@@ -34,29 +38,31 @@ HEX = re.compile("[0-9a-f]{1,16}")
 SHA256 = re.compile("[0-9a-f]{64}")
 
 
-def pack(said: StreamUpdate | Presence) -> bytes:
+def pack(message: StreamUpdate | Presence) -> bytes:
     """Encode a message for a robot's channel: a line of JSON, followed by the frames of an update."""
-    if isinstance(said, Presence):
+    if isinstance(message, Presence):
         return STANDING + dump(
             {
-                "token": said.token,
-                "ages": {view: None if age is None else round(age, 3) for view, age in said.ages_s.items()},
-                "newest": {view: [f"{run_id:016x}", seq] for view, (run_id, seq) in said.newest.items()},
-                "sent": _rounded(said.sent_s),
+                "token": message.token,
+                "ages": {
+                    view: None if age is None else round(age, 3) for view, age in message.ages_s.items()
+                },
+                "newest": {view: [f"{run_id:016x}", seq] for view, (run_id, seq) in message.newest.items()},
+                "sent": _rounded(message.sent_s),
             }
         )
     head = {
-        "view": said.view,
-        "generation": said.generation,
-        "run": f"{said.run_id:016x}",
-        "version": said.version,
-        "numbering": said.numbering,
-        "late": round(said.late_s, 4),
-        "frames": [(ns, len(frame)) for ns, frame in said.frames],
-        "events": said.events,
-        "sent": _rounded(said.sent_s),
+        "view": message.view,
+        "generation": message.generation,
+        "run": f"{message.run_id:016x}",
+        "version": message.version,
+        "numbering": message.numbering,
+        "late": round(message.late_s, 4),
+        "frames": [(ns, len(frame)) for ns, frame in message.frames],
+        "events": message.events,
+        "sent": _rounded(message.sent_s),
     }
-    return UPDATE + dump(head) + HEADER_END + b"".join(frame for _, frame in said.frames)
+    return UPDATE + dump(head) + HEADER_END + b"".join(frame for _, frame in message.frames)
 
 
 def unpack(data: bytes) -> StreamUpdate | Presence:
@@ -238,3 +244,86 @@ def _digits(fields: Mapping[bytes, bytes], name: bytes) -> int:
 
 def _rounded(seconds: float | None) -> float | None:
     return None if seconds is None or not math.isfinite(seconds) else round(seconds, 4)
+
+
+Value = bytes | str | int
+
+
+class WrittenState(NamedTuple):
+    """The part of a stream's state that was already sent."""
+
+    generation: int
+    key: StoredFrame
+    version: int
+    event_n: int
+    is_heard: bool
+
+
+def describe_written(stream: Stream, generation: int) -> WrittenState:
+    """Return what others know of a stream after its whole state was sent. The stream must have a KEY."""
+    assert stream.key is not None
+    is_heard = stream.live_at is not None
+    return WrittenState(generation, stream.key, stream.version, stream.event_n, is_heard)
+
+
+def make_update(
+    stream: Stream,
+    before: WrittenState | None,
+    generation: int,
+    names: tuple[str, str],
+    now: float,
+    sent_s: float | None,
+) -> StreamUpdate:
+    """Make the message with the changes of a stream. The stream must have a KEY.
+
+    `before`: what was sent last; None: nothing. `names`: the names of the version and the numbering.
+    """
+    key, newest = stream.key, stream.newest
+    assert key is not None
+    assert newest is not None
+    # what others lack, the KEY first; frames that were never live here come by the whole state alone
+    age_s = stream.compute_age_s(now)
+    lacking: list[StoredFrame] = []
+    if age_s is not None:
+        knows_key = key is newest or (before is not None and key is before.key)
+        lacking = [newest] if knows_key else [key, newest]
+    told_n = before.event_n if before is not None else 0
+    return StreamUpdate(
+        stream.view,
+        generation,
+        stream.run_id,
+        *names,
+        max(0.0, age_s or 0.0),
+        tuple((compute_ns(held), held.payload) for held in lacking),
+        tuple(event.text for event in stream.events if event.n > told_n),
+        sent_s,
+    )
+
+
+def list_lasting_values(stream: Stream, names: tuple[str, str], is_heard: bool) -> list[Value]:
+    """List the parts of a state that seldom change: names and values in turns, as `unpack_state` reads."""
+    assert stream.key is not None
+    values: list[Value] = ["run", f"{stream.run_id:016x}"]
+    values += ["schema", stream.schema.text if stream.schema else ""]
+    values += ["key", stream.key.payload, "ref", b""]  # an older relay refuses a state without `ref`
+    values += ["info", dump(stream.info), "model", stream.model or ""]
+    values += ["events", "[" + ",".join(event.text for event in stream.events) + "]"]
+    values += ["version", names[0], "numbering", names[1]]
+    return [*values, "heard", "1" if is_heard else "0"]
+
+
+def make_presence(robot: Robot, now: float, sent_s: float | None) -> Presence:
+    """Make the message with a robot's presence and the age of its frames."""
+    ages_s: dict[str, float | None] = {}
+    newest: dict[str, tuple[int, int]] = {}
+    for view, room in robot.rooms.items():
+        age_s, held = room.stream.compute_age_s(now), room.stream.newest
+        ages_s[view] = None if age_s is None else max(0.0, age_s)
+        if held is not None:
+            newest[view] = held.run_id, held.seq
+    return Presence(robot.liveness.token, ages_s, newest, sent_s)
+
+
+def compute_ns(held: StoredFrame) -> int:
+    """Return a frame's time in nanoseconds since the agent's run began."""
+    return round(held.stamp_s * 1e9)

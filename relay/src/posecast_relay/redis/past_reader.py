@@ -10,25 +10,24 @@ import asyncio
 import contextlib
 import hashlib
 import logging
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Awaitable, Callable, Hashable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
-from posecast_relay.core.histogram import Histogram
-from posecast_relay.core.past.deletions import Deletion, Deletions
-from posecast_relay.core.past.kept_segment import KeptSegment, SegmentName
-from posecast_relay.core.past.memory_store import MemoryPast, TakeSpan
-from posecast_relay.past_source import ListWaiting, PastAway, Wake
-from posecast_relay.past_source_recent import RecentOnly
+from posecast_relay.kit import Histogram
+from posecast_relay.past.deletions import Deletion, Deletions
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.segment import KeptSegment, SegmentName, TakeSpan, unpack_record
+from posecast_relay.past.source import ListWaiting, PastAway, RecentOnly, Wake
 from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, name_error
-from posecast_relay.redis.past_replica import PastReplica
 from posecast_relay.redis.past_scripts import LOOK, schema_key, segment_key, stream_key
-from posecast_relay.shared_tasks import SharedTasks
+from posecast_relay.runtime.tasks import SharedTasks
+
+log = logging.getLogger("posecast_relay")
 
 T = TypeVar("T")
-log = logging.getLogger("posecast_relay")
 
 FRESH_S = 0.2  # the maximum age of a view's records when they are requested
 POLL_S = 0.2  # between two polls of the views that have waiting requests,
@@ -61,10 +60,10 @@ class RedisPast(RecentOnly):
         self._bytes_max = bytes_max
         self._now = now
         self._views: OrderedDict[tuple[str, str], PastReplica] = OrderedDict()  # most recently requested last
-        self._data: OrderedDict[SegmentName, bytes] = OrderedDict()  # likewise
+        self._data: OrderedDict[SegmentName, bytes] = OrderedDict()  # most recently requested last
         self._data_bytes = 0
         self._schemas: OrderedDict[tuple[str, bytes], str] = OrderedDict()  # by robot
-        self._told: set[str] = set()  # robots that had something skipped
+        self._reported: set[str] = set()  # robots that had something skipped
         self._asked = SharedTasks("the past")
         self._turns = asyncio.Semaphore(AT_ONCE)
         self._list_waiting: ListWaiting = tuple
@@ -332,8 +331,8 @@ class RedisPast(RecentOnly):
 
     def _pass_over(self, robot: str, why: str) -> None:
         self.passed_over += 1
-        if robot not in self._told:
-            self._told.add(robot)
+        if robot not in self._reported:
+            self._reported.add(robot)
             log.warning("the past in redis: %s: skipped: %.200s", robot, why)
 
     def _keep_data(self, name: SegmentName, data: bytes) -> None:
@@ -349,3 +348,82 @@ class RedisPast(RecentOnly):
         size = sum(VIEW_BYTES + replica.kept.bytes for replica in self._views.values())
         while len(self._views) > 1 and (size > self._bytes_max or len(self._views) > VIEWS_MAX):
             size -= VIEW_BYTES + self._views.popitem(last=False)[1].kept.bytes
+
+
+BEGINNING = b"-"
+UNBOUNDED = 1 << 62  # the owner of the replicas bounds them together
+
+
+class PastReplica:
+    """A view's records, without the segments' bytes. `pass_over` is called with the reason when a record is
+    skipped; deleted records are skipped silently.
+    """
+
+    def __init__(
+        self,
+        robot: str,
+        view: str,
+        pass_over: Callable[[str], None],
+        is_deleted: Callable[[KeptSegment], bool] = lambda _segment: False,
+    ) -> None:
+        self.kept = MemoryPast(UNBOUNDED)
+        self.looked_at = float("-inf")  # seconds of the core's clock
+        self._robot = robot
+        self._view = view
+        self._pass_over = pass_over
+        self._is_deleted = is_deleted
+        self._rows: deque[tuple[bytes, SegmentName | None]] = deque()  # None: skipped
+
+    @property
+    def newest(self) -> bytes:
+        """The id after which to look for new records."""
+        return self._rows[-1][0] if self._rows else BEGINNING
+
+    @property
+    def count(self) -> int:
+        """How many records it has, including skipped ones."""
+        return len(self._rows)
+
+    def note_look(self, at_s: float) -> None:
+        """Note when it was last compared with Redis; minus infinity: compare it before use."""
+        self.looked_at = at_s
+
+    def append(self, told: Sequence[bytes]) -> bool:
+        """Append alternating ids and records. Returns whether any was a segment."""
+        found = False
+        for id_, record in zip(told[::2], told[1::2], strict=True):
+            try:
+                segment = unpack_record(self._robot, self._view, record)
+                if self._is_deleted(segment):  # Redis is about to delete it, too
+                    self._rows.append((id_, None))
+                    continue
+                self.kept.add(segment, 0.0)
+            except ValueError as e:
+                self._pass_over(str(e))
+                self._rows.append((id_, None))
+            else:
+                self._rows.append((id_, segment.name))
+                found = True
+        return found
+
+    def drop_before(self, oldest: bytes) -> None:
+        """Drop the records older than this id."""
+        first = _order(oldest)
+        while self._rows and _order(self._rows[0][0]) < first:
+            _, name = self._rows.popleft()
+            if name is not None and self.kept.find(name) is not None:
+                self.kept.drop_oldest(self._robot)
+
+    def drop(self, name: SegmentName) -> None:
+        """Drop one segment because it is gone or damaged."""
+        segments = self.kept.list_segments(self._robot, self._view)
+        self.kept = MemoryPast(UNBOUNDED)
+        for segment in segments:
+            if segment.name != name:
+                self.kept.add(segment, 0.0)
+
+
+def _order(id_: bytes) -> tuple[int, int]:
+    """Return a stream id as a sortable pair."""
+    ms, _, n = id_.partition(b"-")
+    return int(ms), int(n or b"0")

@@ -1,6 +1,6 @@
 """The past in Redis: its keys, and the Lua scripts that read and write them. Each script is atomic.
 
-    posecast:{ROBOT}:VIEW:past            stream: a record of each segment, as `segment_record.py` packs it
+    posecast:{ROBOT}:VIEW:past            stream: a record of each segment, as `past/segment.py` packs it
     posecast:{ROBOT}:VIEW:past:TAKE:INDEX hash: a segment's bytes, and the id of its record
     posecast:{ROBOT}:past:schema:SHA256   hash: a schema's text, and how many segments name it
     posecast:{-}:past                     hash: the ledger's sums: robot → bytes; "" → of all
@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from posecast_relay.core.past.kept_segment import SegmentName
+from posecast_relay.past.segment import SegmentName
 from posecast_relay.redis.client import Call
 
 WRITTEN, LACKS_SCHEMA, FULL = 1, 2, 3
 MEMORY_SHARE = 0.75  # of the server's `maxmemory`: beyond it nothing is added, to protect live state
 GONE_MAX = 1000  # the most lines that one call drops, so that it never blocks Redis for long
-FORGOTTEN_MAX = 250  # likewise, for a robot that is forgotten
+FORGOTTEN_MAX = 250  # the most lines that one call drops of a robot that is forgotten
 SPARE = 64  # this fraction (1/64) is freed at the limit, so that not every segment hits it
 EXPIRY_SPARE_MS = 60_000  # how much longer keys live than their ledger entries
 LOOK_BYTES = 1 << 20  # the most bytes of records in one answer, except for a single record

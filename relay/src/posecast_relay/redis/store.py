@@ -15,15 +15,17 @@ from functools import partial
 from itertools import count
 from typing import Any, NamedTuple, TypeVar
 
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.state.robot import Robot
-from posecast_relay.core.state.stream import FrameOutcome, Stream
+from posecast_relay.core.replica import Presence
+from posecast_relay.core.robot import RETURN_AFTER_S, Robot
+from posecast_relay.core.stream import FrameOutcome, Stream
+from posecast_relay.kit import Histogram
 from posecast_relay.redis.client import (
     REDIS_ERRORS,
     Call,
     RedisClient,
     cancel_tasks,
+    channel,
     generation_key,
     name_error,
     state_key,
@@ -31,24 +33,82 @@ from posecast_relay.redis.client import (
     writer_key,
 )
 from posecast_relay.redis.directory import BOARD, RedisDirectory
-from posecast_relay.redis.guard import (
-    CLAIM,
-    GUARD,
-    INCOMPLETE,
-    LEASE_MS,
-    OUTRUN,
-    REFUSED,
-    STATUS,
-    STORED,
+from posecast_relay.redis.messages import (
+    Value,
+    WrittenState,
+    compute_ns,
+    describe_written,
+    list_lasting_values,
+    make_presence,
+    make_update,
+    pack,
+    unpack,
+    unpack_events,
 )
-from posecast_relay.redis.messages import unpack_events
-from posecast_relay.redis.stream_updates import WrittenState
-from posecast_relay.redis.write_calls import gives_way, make_presence_call, make_state_call
+from posecast_relay.redis.scripts import CLAIM, GUARD, INCOMPLETE, LEASE_MS, OUTRUN, REFUSED, STATUS, STORED
+
+log = logging.getLogger("posecast_relay")
+
+
+def make_state_call(
+    stream: Stream,
+    before: WrittenState | None,
+    generation: int,
+    writer: str,
+    now: float,
+    sent_s: float | None,
+) -> tuple[WrittenState, Call]:
+    """Make the call that writes a stream's newest state and publishes its changes; also return that state.
+
+    `before`: what this process wrote last; None: write the whole state. `writer`: the process's name.
+    `sent_s`: Redis's clock.
+    """
+    newest, state = stream.newest, describe_written(stream, generation)
+    assert newest is not None
+    light = before == state
+    names = f"{writer}:{stream.version}", stream.numbering
+    values: list[Value] = ["frame", newest.payload, "stamp", compute_ns(newest)]
+    if not light:
+        values += list_lasting_values(stream, names, state.is_heard)
+    update = make_update(stream, before, generation, names, now, sent_s)
+    keys = [state_key(stream.robot, stream.view), generation_key(stream.robot)]
+    keys += [channel(stream.robot), writer_key(stream.robot)]
+    args = [generation, newest.seq, "0" if light else "1", state.key.id, pack(update), *values]
+    return state, (GUARD, keys, args)
+
+
+def make_presence_call(
+    robot: Robot, generation: int, written: Iterable[str], now: float, sent_s: float | None
+) -> Call:
+    """Make the call that publishes a robot's presence.
+
+    `written`: the views whose states should be in Redis.
+    """
+    packed = pack(make_presence(robot, now, sent_s))
+    name = robot.name
+    names = [status_key(name), channel(name), writer_key(name), generation_key(name)]
+    return STATUS, [*names, *(state_key(name, view) for view in written)], [generation, packed]
+
+
+def gives_way(stored: object, has_token: bool) -> bool:
+    """Whether this presence comes from a relay that should give the robot to another one.
+
+    It has heard no frame for long, or does not see the robot's agent while the other one does (`has_token`).
+    """
+    try:
+        presence = unpack(stored) if isinstance(stored, bytes) else None
+    except ValueError:
+        return False
+    if not isinstance(presence, Presence):
+        return False
+    if has_token and not presence.token:
+        return True
+    return all(age_s is None or age_s > RETURN_AFTER_S for age_s in presence.ages_s.values())
+
 
 T = TypeVar("T")
 Describe = Callable[[Robot], dict[str, Any]]
 
-log = logging.getLogger("posecast_relay")
 
 ROUND_S = 0.005  # between two rounds, so that many robots share a round
 BEAT_S = 1.0  # between two signs of life
@@ -84,7 +144,7 @@ class RedisStore:
         self._superseded: dict[str, float] = {}  # robots that another process writes; when it last did
         self._look_at = 0.0  # whether it still does
         self._resumed: set[Stream] = set()
-        self._told_n: dict[Stream, int] = {}  # its newest event that reached Redis
+        self._sent_n: dict[Stream, int] = {}  # its newest event that reached Redis
         self._counts = count(1)
         self._wake = asyncio.Event()
         self._beat_at = 0.0
@@ -220,7 +280,7 @@ class RedisStore:
 
     def _record_result(self, stream: Stream, result: object) -> None:
         if result == STORED:
-            self._told_n[stream] = self._written[stream].event_n
+            self._sent_n[stream] = self._written[stream].event_n
             return
         self._written.pop(stream, None)
         if isinstance(result, Exception):
@@ -285,7 +345,7 @@ class RedisStore:
         if not texts or not numbering:
             return
         try:
-            stream.resume_events(numbering.decode(), unpack_events(texts), self._told_n.get(stream, 0))
+            stream.resume_events(numbering.decode(), unpack_events(texts), self._sent_n.get(stream, 0))
         except ValueError as e:
             log.warning("events of %s/%s in redis: %.200s", stream.robot, stream.view, e)
 
@@ -313,15 +373,15 @@ class RedisStore:
         answers = iter(await self.link.read_all(ask))
         for robot in robots:
             lease_ms, told = next(answers), next(answers)
-            self._run_guarded(robot, partial(self._judge, robot, 0 < lease_ms <= LEASE_MS, told))
+            self._run_guarded(robot, partial(self._renew_lease, robot, 0 < lease_ms <= LEASE_MS, told))
 
-    def _judge(self, robot: str, is_written: bool, told: object) -> None:
+    def _renew_lease(self, robot: str, is_written: bool, stored: object) -> None:
         of, now = self._hub.robots.get(robot), self._now()
         if of is None:
             return
         if is_written:
             self._superseded[robot] = now
-        if is_written and not gives_way(told, of.liveness.token):
+        if is_written and not gives_way(stored, of.liveness.token):
             return
         if (
             self._hears_frames(of) or now - self._superseded[robot] > SETTLE_S
@@ -342,9 +402,9 @@ class RedisStore:
         heard = [robot for robot in self._hub.robots.values() if robot.heard_at is not None]
         mine = await self._tell(heard)
         known = {robot.name for robot in heard}
-        for stream in {s for s in (*self._resumed, *self._told_n) if s.robot not in known}:  # by the core
+        for stream in {s for s in (*self._resumed, *self._sent_n) if s.robot not in known}:  # by the core
             self._written.pop(stream, None)
-            self._told_n.pop(stream, None)
+            self._sent_n.pop(stream, None)
             self._resumed.discard(stream)
             self._turns.pop(stream.robot, None)
         for name in self._tokens.keys() - known:

@@ -1,4 +1,8 @@
-"""Connects the core to sockets and clocks: carries out its actions, and calls it when its timer is due."""
+"""Connects the core to sockets, clocks and stores: carries out its actions, and calls it when its timer is
+due.
+
+The core always has the newest state. A state store shares it with other processes.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 from uuid import UUID
 
 from posecast_wire import Close
@@ -25,19 +29,64 @@ from posecast_relay.core.actions import (
     SubscribeRobot,
     VerifyToken,
 )
-from posecast_relay.core.histogram import Histogram
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.load_shedder import NO_CEILING
-from posecast_relay.core.policy.admission import FULL
-from posecast_relay.core.state.stream import Stream
-from posecast_relay.core.viewer.viewer import Viewer
+from posecast_relay.core.load import NO_CEILING
+from posecast_relay.core.policy import FULL
+from posecast_relay.core.stream import Stream
+from posecast_relay.core.viewer import Viewer
+from posecast_relay.kit import Histogram
 from posecast_relay.runtime.fan_out import SLICE, FanOut
-from posecast_relay.store import StateStore
 
 log = logging.getLogger("posecast_relay")
 
+
+class StateStore(Protocol):
+    """A state store.
+
+    `keep` always returns at once, so that viewers never wait for the store.
+    """
+
+    def keep(self, stream: Stream) -> None:
+        """Note that a stream has changed. The store writes its newest state later."""
+
+    def find_trouble(self) -> str | None:
+        """Return the store's present problem, in one line; None if it works."""
+
+    def get_exchanges(self) -> tuple[Histogram, int] | None:
+        """Return how long exchanges with the server took and how often it was lost; None without a server."""
+
+    def list_robots(self) -> list[dict[str, Any]] | None:
+        """Return the robots that other processes hear, as documents; None if this process hears them."""
+
+    def count_viewers_elsewhere(self, robot: str) -> int:
+        """Return how many viewers a robot has in other processes."""
+
+
+class MemoryStore:
+    """A state store for a single process. It stores nothing."""
+
+    def keep(self, stream: Stream) -> None:
+        """Do nothing: the stream already has its newest state."""
+
+    def find_trouble(self) -> str | None:
+        """Return None: nothing can fail here."""
+        return None
+
+    def get_exchanges(self) -> tuple[Histogram, int] | None:
+        """Return None: there is no server."""
+        return None
+
+    def list_robots(self) -> list[dict[str, Any]] | None:
+        """Return None: this process hears all robots itself."""
+        return None
+
+    def count_viewers_elsewhere(self, robot: str) -> int:  # noqa: ARG002
+        """Return 0: there are no other processes."""
+        return 0
+
+
 WATCH_S = 0.1
-JUDGE_S = 1.0
+MEASURE_S = 1.0
 AGAIN_S = 0.1  # after the core has failed
 GRAIN_S = 0.002  # a timer this close is not changed
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
@@ -126,7 +175,7 @@ class Dispatcher:
         self._walking = False
         self._flush_waits = False
         self._flushed_at: float | None = None
-        self._judged_at = self.now()
+        self._measured_at = self.now()
         self._used_s = time.thread_time()
         self.loop_lag = Histogram()
         self.fan_out = Histogram()  # of frames: deciding and writing
@@ -166,11 +215,11 @@ class Dispatcher:
         late_s = max(0.0, now - due)
         self.loop_lag.add(late_s)
         self.hub.load.record_lag(late_s)
-        if now - self._judged_at >= JUDGE_S:
-            busy = (time.thread_time() - self._used_s) / (now - self._judged_at)
-            self._judged_at, self._used_s = now, time.thread_time()
+        if now - self._measured_at >= MEASURE_S:
+            busy = (time.thread_time() - self._used_s) / (now - self._measured_at)
+            self._measured_at, self._used_s = now, time.thread_time()
             before = self.hub.load.ceiling_hz
-            self.carry_out(self._decide(lambda: self.hub.judge_load(busy, now)))
+            self.carry_out(self._decide(lambda: self.hub.measure_load(busy, now)))
             if self.hub.load.ceiling_hz != before:
                 ceiling_hz = self.hub.load.ceiling_hz
                 what = "overload" if ceiling_hz < before else "less load"

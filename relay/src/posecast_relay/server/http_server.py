@@ -1,4 +1,6 @@
-"""The HTTP server of a process: uvicorn, extended to move viewers away before it stops."""
+"""The HTTP server of a process: the socket that viewers connect to, with the options that its connections
+inherit, and uvicorn, extended to move viewers away before it stops.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ import contextlib
 import gc
 import logging
 import os
+import resource
 import signal
 import socket
 import threading
@@ -16,15 +19,59 @@ import uvicorn
 from fastapi import FastAPI
 
 from posecast_relay.auth.access import Access
+from posecast_relay.config.settings import StartError
+from posecast_relay.net.encodings import DecodeCache
+from posecast_relay.net.http1 import HttpConnection, make_plain_http_protocol
+from posecast_relay.net.sse import make_http_protocol
+from posecast_relay.net.websocket import make_live_protocol
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.server.listener import BACKLOG
-from posecast_relay.streaming.decode_cache import DecodeCache
-from posecast_relay.streaming.http_connection import HttpConnection, make_plain_http_protocol
-from posecast_relay.streaming.request_timeouts import RequestTimeouts, add_timeouts
-from posecast_relay.streaming.sse import make_http_protocol
-from posecast_relay.streaming.websocket import make_live_protocol
+from posecast_relay.runtime.port_holder import explain_taken
+from posecast_relay.runtime.socket_options import cut_unread
 
 log = logging.getLogger("posecast_relay")
+
+SPARE_FILES = 2000  # in addition to the viewers' sockets; held requests use half of them
+BACKLOG = 4096  # a lecture hall opens the link at the same moment
+# How long an unread answer (a file of the page, a model) is kept. Even a client that reads only a kilobyte a
+# second always makes progress within this time. Streams have other limits.
+UNREAD_MS = 120_000
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Open a listening socket; port 0 means any free port. Raises StartError if it can't be opened."""
+    try:
+        family, kind, proto, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        listener = socket.socket(family, kind, proto)
+    except UnicodeError:
+        raise StartError(f"--host {host}: not a host name") from None
+    except OSError as e:
+        raise StartError(f"--host {host}: {e.strerror}") from None
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    cut_unread(listener, UNREAD_MS)
+    try:
+        listener.bind(address)
+        listener.listen(BACKLOG)
+    except OSError as e:
+        listener.close()
+        raise StartError(f"http://{host}:{port}: {explain_taken(e, port)}") from None
+    return listener
+
+
+def allow_sockets(viewers: int) -> None:
+    """Raise the limit of open files, usually 1,024, so that each viewer can have a socket."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = viewers + SPARE_FILES
+    if hard != resource.RLIM_INFINITY:
+        wanted = min(wanted, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            soft = wanted
+    if soft != resource.RLIM_INFINITY and soft < viewers + SPARE_FILES:
+        log.warning("only %d open files allowed: fewer viewers than --max-viewers %d", soft, viewers)
+
 
 GRACE_S = 2  # for running requests when the relay stops
 DATE_TICKS = 10  # calls of on_tick between two updates of uvicorn's Date header
@@ -108,16 +155,11 @@ def make_server_config(
     app: FastAPI, access: Access, decoded: DecodeCache, has_streams: bool
 ) -> uvicorn.Config:
     """Make uvicorn's configuration for a port that strangers reach."""
-
-    def cut(count: int) -> None:
-        access.live.handshakes["never asked"] += count
-
-    unasked = RequestTimeouts(access.live.now, cut)
     http = make_http_protocol(access, decoded) if has_streams else make_plain_http_protocol(access)
     return uvicorn.Config(
         app,
         ws=make_live_protocol(access, decoded) if has_streams else "none",
-        http=add_timeouts(http, unasked),
+        http=http,
         lifespan="off",
         log_config=None,
         access_log=False,

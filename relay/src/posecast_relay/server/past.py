@@ -8,40 +8,196 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import partial
 from typing import TYPE_CHECKING
 
 from posecast_relay.auth.access import Access
+from posecast_relay.config.robots_reader import format_duration
 from posecast_relay.config.settings import Settings
-from posecast_relay.core.past.deletions import Deletions
-from posecast_relay.core.past.memory_store import MemoryPast
-from posecast_relay.core.past.recorder import Recorder
-from posecast_relay.core.past.stream_recording import RecordingPorts
-from posecast_relay.core.policy.past import (
+from posecast_relay.core.policy import (
+    Audience,
+    Policy,
+    Rule,
     compute_kept_longest_s,
     compute_kept_s,
     compute_recent_s,
+    list_idle_keeps,
     list_lookers,
 )
-from posecast_relay.core.policy.policy import Policy
-from posecast_relay.http.past.desk import PastDesk
+from posecast_relay.kit import write_count
 from posecast_relay.models.cache import ModelCache, ModelSource
-from posecast_relay.past_source import PastSource
-from posecast_relay.past_source_memory import MemoryPastSource
+from posecast_relay.past.command_socket import PastSocket, find_socket_path
+from posecast_relay.past.deletions import Deletion, Deletions
+from posecast_relay.past.memory import MemoryPast, MemoryPastSource
+from posecast_relay.past.recorder import Recorder, RecordingPorts
+from posecast_relay.past.segment import KeptSegment
+from posecast_relay.past.service import PastService
+from posecast_relay.past.source import PastSource
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.server.past_deletion import ObedientMemory
-from posecast_relay.server.past_log import PastLog
-from posecast_relay.server.past_socket import PastSocket, find_socket_path
 
 if TYPE_CHECKING:
-    from posecast_relay.redis.deletions.feed import RedisDeletions
+    from posecast_relay.redis.past_deletions import RedisDeletions
     from posecast_relay.redis.past_reader import RedisPast
     from posecast_relay.redis.past_writer import RedisPastWriter
     from posecast_relay.server.archive import ArchiveServices
+
+log = logging.getLogger("posecast_relay")
+
+CROWD_EVERY_S = 60.0  # between two lines about a robot
+IDLE_NAMED = 5  # the most robots without a kept past named in the line at the start
+
+
+def describe_past(settings: Settings, policy: Policy, *, is_new: bool = False) -> str:
+    """Describe in a line whether and how long the past is kept. `is_new`: the folder was just created."""
+    if settings.past is None:
+        return "the past: off (--past 0)"
+    archive = describe_archive(settings, policy, " (new, empty)" if is_new else "")
+    if settings.role == "gateway":
+        return "the past: from Redis" + archive
+    kept_s = compute_kept_longest_s(policy, compute_recent_s if settings.archive else compute_kept_s)
+    if not kept_s:
+        nothing = "the past: nothing is kept, because nobody may look back (`past` in the file of robots)"
+        return nothing + archive if policy.keeps_s else nothing
+    return f"the past: {format_duration(kept_s)} in memory, up to {settings.past_memory >> 20} MB{archive}"
+
+
+def describe_archive(settings: Settings, policy: Policy, remark: str = "") -> str:
+    """Describe which robots are kept in the object store; empty if there is none. `remark`: about the
+    store."""
+    if settings.archive is None:
+        return ""
+    if settings.role == "gateway":
+        return f"; before that from {settings.archive}"
+    at = f"{settings.archive}{remark}"
+    if policy.rules is None:
+        return f"; nothing in {at}: `keep` needs a file of robots (--robots)"
+    if not policy.keeps_s:
+        return f"; nothing in {at}: no robot has `keep` in the file of robots"
+    idle = list_idle_keeps(policy)
+    kept = ", ".join(
+        f"{robot} {format_duration(keep_s)}"
+        for robot, keep_s in policy.keeps_s.items()
+        if (robot, None) not in idle
+    )
+    rest = f"; in {at}: {kept:.200}" if kept else f"; nothing in {at}"
+    return "; ".join([rest, *(_describe_idle(*each) for each in idle[:IDLE_NAMED])])
+
+
+def _describe_idle(robot: str, view: str | None) -> str:
+    of, what = repr(robot), "keep" if view is None else f"view {view!r}: keep"
+    return f"{what} of {of} has no effect: nobody may look back; give an audience `past`"
+
+
+class PastLog:
+    """Logs changes."""
+
+    def __init__(self) -> None:
+        self._policy: Policy | None = None
+        self._crowded: dict[str, int] = {}  # by robot, the count that was already logged
+        self._reported_at: dict[str, float] = {}
+
+    def follow(self, policy: Policy) -> None:
+        """Log which audiences can no longer see a robot, or may look back differently, and which `keep` has
+        no effect.
+
+        `describe_past` reports the first policy.
+        """
+        before, self._policy = self._policy, policy
+        if before is None:
+            return
+        idle = list_idle_keeps(policy)
+        for robot in sorted({*(before.rules or ()), *(policy.rules or ())}):
+            old, new = before.find_rules(robot), policy.find_rules(robot)
+            for audience in Audience:
+                for line in _list_changes(audience, old.get(audience), new.get(audience)):
+                    log.info("%s, %s: %s", robot, audience.value, line)
+            if before.keeps_s.get(robot) != policy.keeps_s.get(robot) and (robot, None) not in idle:
+                _tell_keep(robot, policy.keeps_s.get(robot))
+        if before != policy:
+            for each in idle:
+                log.warning("%s", _describe_idle(*each))
+
+    def report_crowding(self, kept: MemoryPast, now: float) -> None:
+        """Log each robot that has lost its oldest data because memory is full, at most once a minute."""
+        for robot, count in kept.crowded.items():
+            if count == self._crowded.get(robot, 0) or now < self._reported_at.get(robot, now):
+                continue
+            self._crowded[robot], self._reported_at[robot] = count, now + CROWD_EVERY_S
+            reach = format_duration(round(kept.compute_reach_s(robot, now)))
+            log.warning(
+                "the past: memory is full (--past-memory, %d MB): %s uses most of it, lost its oldest "
+                "data and reaches back %s",
+                kept.bytes_max >> 20,
+                robot,
+                reach,
+            )
+
+
+def _tell_keep(robot: str, keep_s: float | None) -> None:
+    if keep_s is not None:
+        log.warning("%s: the store keeps its past for %s", robot, format_duration(keep_s))
+        return
+    log.warning(
+        "%s: `keep` was removed: nothing more is written to the store, and existing data stays until you set "
+        "`keep` again or run `posecast-relay past delete`",
+        robot,
+    )
+
+
+def _list_changes(audience: Audience, old: Rule | None, new: Rule | None) -> Iterator[str]:
+    if old is None or new is None:
+        return  # other lines report an added or removed robot or audience
+    if old.blackout != new.blackout:
+        yield "blackout begins" if new.blackout else "blackout ends"
+    before_s, after_s = old.compute_past_s(audience), new.compute_past_s(audience)
+    if before_s != after_s:
+        yield f"may look back {format_duration(after_s)}" if after_s else "may no longer look back"
+
+
+class ObedientMemory:
+    """Wraps memory for the recorder: deleted segments are removed.
+
+    A segment that was being recorded when its deletion was ordered is neither kept when it closes nor passed
+    on.
+    """
+
+    def __init__(self, kept: MemoryPast, deletions: Deletions) -> None:
+        self._kept = kept
+        self._deletions = deletions
+        self._began_ms = time.time_ns() // 1_000_000
+        deletions.on_added(self._delete)
+
+    def add(self, segment: KeptSegment, now: float) -> None:
+        """Keep a segment that has just closed, unless it was deleted. `now`: the core's clock."""
+        if not self._deletions.cover_segment(segment):
+            self._kept.add(segment, now)
+
+    def _delete(self, deletion: Deletion) -> None:
+        gone = self._kept.delete(deletion)
+        is_new = deletion.at_ms >= self._began_ms  # older ones were logged by an earlier process
+        level = logging.WARNING if gone or is_new else logging.INFO
+        count = write_count(len(gone), "segment")
+        log.log(level, "past delete: %s: deleted %s from memory", describe_deletion(deletion), count)
+
+
+def describe_deletion(deletion: Deletion) -> str:
+    """Describe in a few words what a deletion covers."""
+    view = "all views" if deletion.view is None else f"view {deletion.view}"
+    return f"{deletion.robot}, {view}, {_write(deletion.from_ms)} to {_write(deletion.to_ms)}"
+
+
+def _write(unix_ms: int) -> str:
+    try:
+        return datetime.fromtimestamp(unix_ms / 1000, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    except (ValueError, OverflowError, OSError):  # after the year 9999
+        return f"{unix_ms} ms"
+
 
 FORGET_EVERY_S = 5.0
 
@@ -58,12 +214,12 @@ class PastServices:
     writer: RedisPastWriter | None = None
     reader: RedisPast | None = None
     deletions: Deletions = field(default_factory=Deletions)
-    told: RedisDeletions | None = None  # passes deletions through Redis
+    deletion_feed: RedisDeletions | None = None  # passes deletions through Redis
     socket: PastSocket | None = None
     archive: ArchiveServices | None = None
 
     @property
-    def way(self) -> RedisPastWriter | RedisPast | None:
+    def connection(self) -> RedisPastWriter | RedisPast | None:
         """The connection that writes to Redis, or reads from it."""
         return self.writer or self.reader
 
@@ -72,10 +228,13 @@ class PastServices:
         """The archive, if this process writes it."""
         return None if self.archive is None or self.archive.writer is None else self.archive
 
-    def make_desk(self, dispatcher: Dispatcher) -> PastDesk:
+    def make_service(self, dispatcher: Dispatcher) -> PastService:
         """Make what the routes of the past need."""
-        return PastDesk(
-            *(self.source, dispatcher.now, dispatcher.unix_s, self.deletions),
+        return PastService(
+            self.source,
+            dispatcher.now,
+            dispatcher.unix_s,
+            self.deletions,
             has_models=self.archive is not None,
         )
 
@@ -93,24 +252,24 @@ class PastServices:
 
         Data is dropped at once when the policy changes, and regularly as time passes.
         """
-        if self.way is not None:
-            self.way.start()
-        if self.told is not None:
-            self.told.start()
+        if self.connection is not None:
+            self.connection.start()
+        if self.deletion_feed is not None:
+            self.deletion_feed.start()
         if self.archive is not None:
             self.archive.start()
         async with self.socket or contextlib.nullcontext():
             await self._follow(access, now)
 
     async def _follow(self, access: Access, now: Callable[[], float]) -> None:
-        said = PastLog()
+        log_lines = PastLog()
         access.on_policy(lambda policy: self.forget(policy, now()))
-        access.on_policy(said.follow)
+        access.on_policy(log_lines.follow)
         while True:
             await asyncio.sleep(FORGET_EVERY_S)
             self.forget(access.policy, now())
             if self.kept is not None:
-                said.report_crowding(self.kept, now())
+                log_lines.report_crowding(self.kept, now())
 
     def forget(self, policy: Policy, now: float) -> None:
         """Drop what can't be requested any more under this policy."""
@@ -127,10 +286,10 @@ class PastServices:
         """Close the open segments, then the connection to Redis."""
         if self.recorder is not None:
             self.recorder.close_all(now)
-        if self.way is not None:
-            await self.way.stop()
-        if self.told is not None:
-            await self.told.stop()
+        if self.connection is not None:
+            await self.connection.stop()
+        if self.deletion_feed is not None:
+            await self.deletion_feed.stop()
         if self.archive is not None:
             await self.archive.stop()
 
@@ -144,11 +303,11 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
     """Make the past for the role in `settings`; None with `--past 0`. `port`: where the relay listens."""
     if settings.past is None:
         return None
-    deletions, told = Deletions(), None
+    deletions, deletion_feed = Deletions(), None
     if settings.store != "memory://":
-        from posecast_relay.redis.deletions.feed import RedisDeletions  # noqa: PLC0415
+        from posecast_relay.redis.past_deletions import RedisDeletions  # noqa: PLC0415
 
-        told = RedisDeletions(settings.store, deletions)
+        deletion_feed = RedisDeletions(settings.store, deletions)
     archive: ArchiveServices | None = None
     if settings.archive is not None:
         from posecast_relay.server.archive import make_archive  # noqa: PLC0415 — seldom wanted
@@ -159,7 +318,9 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
 
         reader = RedisPast(settings.store, settings.past_memory, Dispatcher.now, deletions)
         source = reader if archive is None else archive.join(reader)
-        return PastServices(source, reader=reader, deletions=deletions, told=told, archive=archive)
+        return PastServices(
+            source, reader=reader, deletions=deletions, deletion_feed=deletion_feed, archive=archive
+        )
     kept = MemoryPast(settings.past_memory)
     memory = ObedientMemory(kept, deletions)
     ports = RecordingPorts(memory.add, lambda: secrets.randbits(64), time.time)
@@ -174,15 +335,12 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
     memory_source = MemoryPastSource(kept)
     path = find_socket_path(settings.past_socket, port)
     return PastServices(
-        *(
-            memory_source if archive is None else archive.join(memory_source),
-            kept,
-            Recorder(ports, list_lookers),
-            writer,
-            None,
-            deletions,
-            told,
-        ),
+        memory_source if archive is None else archive.join(memory_source),
+        kept=kept,
+        recorder=Recorder(ports, list_lookers),
+        writer=writer,
+        deletions=deletions,
+        deletion_feed=deletion_feed,
         socket=None if path is None else PastSocket(path, kept, deletions, settings.archive),
         archive=archive,
     )

@@ -13,14 +13,12 @@ from typing import Any
 
 from posecast_relay.config.settings import Settings
 from posecast_relay.core.hub import Hub
-from posecast_relay.core.policy.policy import PUBLIC
-from posecast_relay.core.state.robot import Robot
+from posecast_relay.core.policy import PUBLIC
+from posecast_relay.core.robot import Robot
 from posecast_relay.http.robots import make_robot_summary
 from posecast_relay.models.cache import ModelCache, ModelSource
-from posecast_relay.runtime.dispatcher import Dispatcher, RobotSource
+from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, RobotSource, StateStore
 from posecast_relay.server.past import PastServices
-from posecast_relay.store import StateStore
-from posecast_relay.store_memory import MemoryStore
 from posecast_relay.zenoh.ingest import ZenohIngest
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_relay.zenoh.router import RouterSession

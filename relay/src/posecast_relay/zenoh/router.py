@@ -4,31 +4,40 @@ Zenoh reads its users, their rights and its certificates only when a session ope
 enrolled or revoked, the relay replaces this session, and all robots connect again. The next session is
 complete before the present one closes: it lacks only the port. So robots find it at their first try, and a
 session that can't be opened changes nothing.
+
+The last valid versions of the router's certificate and of the authority for robots are kept. When they
+expire is read from the files, because Python's `ssl` tells that only of a peer's certificate. Zenoh reports
+publishers that it refused only in its own log, on stdout.
 """
 
 from __future__ import annotations
 
 import asyncio
+import base64
+import binascii
 import contextlib
 import errno
 import json
 import logging
 import os
+import re
 import secrets
 import socket
+import ssl
+import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import zenoh
 from posecast_wire.keys import PREFIX
 
-from posecast_relay.port_holder import explain_taken
-from posecast_relay.zenoh.certificate_expiry import read_expiry
-from posecast_relay.zenoh.certificates import RouterCertificates
+from posecast_relay.runtime.port_holder import explain_taken
 
 log = logging.getLogger("posecast_relay")
 
@@ -207,11 +216,11 @@ def open_router(
 
 def _refused(endpoints: Sequence[str], error: zenoh.ZError) -> ListenError:
     """Make an error from Zenoh's message, without its source location."""
-    said = str(error).splitlines()[0].partition(" at /")[0]
-    if "in use" in said:
+    reason = str(error).splitlines()[0].partition(" at /")[0]
+    if "in use" in reason:
         taken = OSError(errno.EADDRINUSE, "address already in use")
-        said = explain_taken(taken, int(endpoints[0].rpartition(":")[2]))
-    return ListenError(f"zenoh listener {', '.join(endpoints)}: {said}")
+        reason = explain_taken(taken, int(endpoints[0].rpartition(":")[2]))
+    return ListenError(f"zenoh listener {', '.join(endpoints)}: {reason}")
 
 
 def _no_file(error: OSError) -> ListenError:
@@ -347,3 +356,232 @@ class RouterSession:
         config.insert_json5("listen/timeout_ms", json.dumps(PORT_MS))
         config.insert_json5("listen/retry", json.dumps(PORT_RETRY))
         return config, ready
+
+
+FILE_BYTES_MAX = 1 << 20  # an authority's file may hold hundreds of certificates
+TLS = "transport/link/tls"  # prefix of Zenoh's settings
+
+
+class CertificateError(ValueError):
+    """A certificate file can't be used. The message is one line that names it."""
+
+
+class RouterCertificates:
+    """The content of `--zenoh-tls-cert`, `--zenoh-tls-key` and `--zenoh-ca` when all were last valid.
+
+    Zenoh gets the bytes, not the files, so that a file damaged meanwhile can't prevent a new session.
+    """
+
+    def __init__(self, cert: Path | None, key: Path | None, ca: Path | None) -> None:
+        """Raises CertificateError if a file can't be used."""
+        self._cert, self._key, self._ca = cert, key, ca
+        self._kept: dict[str, bytes] = {}
+        self._kept = self._read()
+        self.trouble: str | None = None  # the files' present problem
+
+    def refresh(self) -> bool:
+        """Read the files again. Return whether they have changed and are valid. Otherwise the last valid
+        content is kept.
+        """
+        try:
+            read = self._read()
+        except CertificateError as e:
+            if str(e) != self.trouble:
+                log.warning("%s; the last good certificates stay in force", e)
+            self.trouble = str(e)
+            return False
+        if self.trouble is not None:
+            self.trouble = None
+            log.warning("certificates are valid again")
+        is_new = read != self._kept
+        self._kept = read
+        return is_new
+
+    def make_settings(self) -> dict[str, Any]:
+        """Return Zenoh's settings with these certificates."""
+        return _make_settings(self._kept)
+
+    def _read(self) -> dict[str, bytes]:
+        """Read and check all files, by their names in Zenoh's settings. Raises CertificateError."""
+        found: dict[str, bytes] = {}
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        if self._cert is not None and self._key is not None:
+            found["listen_certificate"] = _read_file("--zenoh-tls-cert", self._cert)
+            found["listen_private_key"] = _read_file("--zenoh-tls-key", self._key)
+            try:
+                context.load_cert_chain(self._cert, self._key, password="")
+            except OSError:  # ssl.SSLError is one
+                raise CertificateError(
+                    f"--zenoh-tls-cert {self._cert}, --zenoh-tls-key {self._key}: not a valid pair"
+                ) from None
+        if self._ca is not None:
+            found["root_ca_certificate"] = _read_file("--zenoh-ca", self._ca)
+            try:
+                context.load_verify_locations(self._ca)
+            except OSError:
+                raise CertificateError(f"--zenoh-ca {self._ca}: no certificate in PEM form") from None
+        if found != self._kept and "listen_certificate" in found:
+            try:
+                _try_out(found)
+            except zenoh.ZError as e:  # it knows fewer kinds of keys than Python: no P-521
+                why = str(e).splitlines()[0].partition(" at /")[0]
+                raise CertificateError(
+                    f"--zenoh-tls-cert {self._cert}, --zenoh-tls-key {self._key}: Zenoh can't use them: {why}"
+                ) from None
+        return found
+
+
+def _make_settings(certificates: dict[str, bytes]) -> dict[str, Any]:
+    return {f"{TLS}/{name}_base64": base64.b64encode(data).decode() for name, data in certificates.items()}
+
+
+def _try_out(certificates: dict[str, bytes]) -> None:
+    """Listen with these certificates for some milliseconds, on a port of this machine. Raises ZError."""
+    config = zenoh.Config()
+    settings: dict[str, Any] = {
+        "mode": "router",
+        "listen/endpoints": ["tls/127.0.0.1:0"],
+        "scouting/multicast/enabled": False,
+        "scouting/delay": 0,
+        "transport/shared_memory/enabled": False,
+        f"{TLS}/enable_mtls": "root_ca_certificate" in certificates,
+        **_make_settings(certificates),
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    zenoh.open(config).close()  # type: ignore[no-untyped-call]
+
+
+def _read_file(flag: str, path: Path) -> bytes:
+    try:
+        if not path.is_file():
+            path.stat()  # raises if there is nothing
+            raise CertificateError(f"{flag} {path}: is not a file")
+        with path.open("rb") as file:
+            return file.read(FILE_BYTES_MAX)
+    except OSError as e:
+        raise CertificateError(f"{flag} {path}: {(e.strerror or str(e)).lower()}") from None
+
+
+SEQUENCE, UTC_TIME, GENERALIZED_TIME, VERSION = 0x30, 0x17, 0x18, 0xA0
+_PEM = re.compile(rb"-----BEGIN CERTIFICATE-----(.*?)-----END CERTIFICATE-----", re.DOTALL)
+
+
+def read_expiry(path: Path) -> float:
+    """Return when the first of a PEM file's certificates expires, in unix seconds.
+
+    Raises OSError if the file can't be read, ValueError if it contains no certificate.
+    """
+    with path.open("rb") as file:
+        text = file.read(FILE_BYTES_MAX)
+    try:
+        found = [_find_expiry(base64.b64decode(block)) for block in _PEM.findall(text)]
+    except (binascii.Error, IndexError, UnicodeDecodeError):
+        raise ValueError(f"{path}: contains a certificate that can't be read") from None
+    if not found:
+        raise ValueError(f"{path}: contains no certificate")
+    return min(found)
+
+
+def _find_expiry(der: bytes) -> float:
+    """Return `notAfter` of one certificate (RFC 5280 §4.1) in unix seconds.
+
+    Raises ValueError or IndexError if it is not a certificate.
+    """
+    at = _enter(der, _enter(der, 0))  # Certificate, then tbsCertificate
+    if der[at] == VERSION:
+        at = _skip(der, at)
+    for _ in ("serialNumber", "signature", "issuer"):
+        at = _skip(der, at)
+    not_after = _skip(der, _enter(der, at))  # validity: notBefore, notAfter
+    begin, end = _measure(der, not_after)
+    form = {UTC_TIME: "%y%m%d%H%M%SZ", GENERALIZED_TIME: "%Y%m%d%H%M%SZ"}.get(der[not_after])
+    if form is None:
+        raise ValueError("no time where a certificate has one")
+    found = datetime.strptime(der[begin:end].decode("ascii"), form).replace(tzinfo=UTC)
+    if form.startswith("%y") and found.year >= 2050:  # in RFC 5280 "50" is 1950; in strptime, 2050
+        found = found.replace(year=found.year - 100)
+    return found.timestamp()
+
+
+def _measure(der: bytes, at: int) -> tuple[int, int]:
+    """Return where the content of the element at `at` begins and ends. Raises ValueError or IndexError."""
+    size, begin = der[at + 1], at + 2
+    if size & 0x80:
+        count = size & 0x7F
+        size, begin = int.from_bytes(der[begin : begin + count], "big"), begin + count
+    if begin + size > len(der):
+        raise ValueError("an element that is longer than the certificate")
+    return begin, begin + size
+
+
+def _enter(der: bytes, at: int) -> int:
+    if der[at] != SEQUENCE:
+        raise ValueError("no certificate")
+    return _measure(der, at)[0]
+
+
+def _skip(der: bytes, at: int) -> int:
+    return _measure(der, at)[1]
+
+
+SAY_S = 10.0  # between two lines: clients may retry fast
+LOG = "off,zenoh_transport::unicast::establishment::accept=debug,zenoh_link_tls::unicast=debug"
+OF_ZENOH = re.compile("zenoh_transport|zenoh_link_tls")
+REFUSAL_LINE = re.compile(
+    r"establishment::accept.*UsrPwd extension.*(Invalid user|Invalid password|Expected extension)"
+    r"|link_tls::unicast.*(peer sent no certificates|invalid peer certificate)"
+)
+MEANINGS = {
+    "Invalid user": "unknown robot, or its credential has expired",
+    "Invalid password": "its credential is wrong or was replaced",
+    "Expected extension": "it sent no credential",
+    "peer sent no certificates": "it sent no certificate",
+    "invalid peer certificate": "its certificate has expired, or is from another authority",
+}
+NAMED = re.compile(r"link_tls::unicast.*Accepted TLS connection .*Common Name: (.*)\.\s*$")
+STRANGER = "the robots file does not list the common name of its certificate"
+
+
+class AuthFailures:
+    """Counts publishers that Zenoh refused, and sometimes logs one.
+
+    Make one per process, before Zenoh writes its first line. It reads the process's stdout, and passes on all
+    lines that are not from Zenoh.
+    """
+
+    def __init__(self, may_publish: Callable[[str], bool] | None) -> None:
+        """`may_publish` returns whether a publisher with a certificate of this name may publish; None if
+        publishers use passwords, so that the certificate's name does not matter.
+        """
+        self.count = 0
+        self._may_publish = may_publish
+        self._said_at = float("-inf")
+        self._stdout = os.dup(1)
+        listen, stdout_end = os.pipe()
+        sys.stdout.flush()
+        os.dup2(stdout_end, 1)
+        os.close(stdout_end)
+        sys.stdout = os.fdopen(os.dup(self._stdout), "w", buffering=1)
+        zenoh.init_log_from_env_or(LOG)
+        threading.Thread(target=self._read, args=(listen,), daemon=True, name="refusals").start()
+
+    def _read(self, listen: int) -> None:
+        with os.fdopen(listen, "rb") as lines:
+            for raw in lines:
+                line = raw.decode("utf-8", "replace")
+                if OF_ZENOH.search(line) is None:  # not from Zenoh
+                    os.write(self._stdout, raw)
+                elif (refusal := REFUSAL_LINE.search(line)) is not None:
+                    self.record_refusal(MEANINGS[refusal[1] or refusal[2]], time.monotonic())
+                elif self._may_publish is not None:
+                    named = NAMED.search(line)
+                    if named is not None and not self._may_publish(named[1]):
+                        self.record_refusal(STRANGER, time.monotonic())  # access control denies it everything
+
+    def record_refusal(self, why: str, now: float) -> None:
+        """Count a refused publisher, and log `why` at most once in SAY_S seconds. `now` is in seconds."""
+        self.count += 1
+        if now - self._said_at >= SAY_S:
+            self._said_at = now
+            log.warning("publisher refused (%d so far): %s", self.count, why)

@@ -5,28 +5,217 @@ from __future__ import annotations
 import hmac
 import logging
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, Protocol
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import FileResponse, JSONResponse, RedirectResponse
 from posecast_wire import check_name
+from pydantic import BaseModel, ConfigDict
 
 from posecast_relay.auth.access import Access
-from posecast_relay.auth.addresses import find_asker
-from posecast_relay.auth.origins import may_show
-from posecast_relay.blocking_calls import BlockingCalls
+from posecast_relay.auth.addresses import find_asker, may_show
 from posecast_relay.config.robots_changes import RobotsDocument
-from posecast_relay.config.robots_file import read_text
-from posecast_relay.config.robots_reader import AdminEntry, RobotsError
-from posecast_relay.config.robots_storage import lock_folder, replace_text
+from posecast_relay.config.robots_file import lock_folder, read_text, replace_text
+from posecast_relay.config.robots_reader import AdminEntry, RobotEntry, Robots, RobotsError, describe_rule
 from posecast_relay.config.settings import SettingsError
-from posecast_relay.http.admin import documents
-from posecast_relay.http.admin.report import AdminSources, make_report
-from posecast_relay.http.auth import is_on_this_machine
-from posecast_relay.streaming.request import join_all, read_bearer
+from posecast_relay.core.policy import Audience
+from posecast_relay.core.robot import Robot
+from posecast_relay.http.metrics import ArchiveStats
+from posecast_relay.net.request import is_on_this_machine, join_all, read_bearer
+from posecast_relay.runtime.tasks import BlockingCalls
+
+
+class _Document(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class RelayFigures(_Document):
+    """The relay's counters since its start. `trouble`: its present problem, in one line."""
+
+    trouble: str | None
+    viewers: int
+    delivered_frames: int
+    skipped_frames: int
+    refused_publishers: int
+
+
+class AdminRobot(_Document):
+    """A robot in the robots file. `expires_s`: when its credential expires, in unix seconds. `audiences`:
+    what each audience can see, in words. `may_link`: whether the file has a rule for share links.
+
+    The last five members need a robot that publishes to this process. `conflict`: two agents publish it.
+    `over_share`: the limit that it exceeds, "" for none. `lateness_ms`: how late its frames arrive.
+    `sent_views`: the views that it sends. `unsent_views`: by audience, the view that the file shows but the
+    robot does not send.
+    """
+
+    robot: str
+    publishes_by: Literal["credential", "certificate"]
+    expires_s: int | None
+    audiences: dict[str, str]
+    may_link: bool
+    has_links: bool
+    viewers: int
+    status: Literal["online", "silent", "offline"]
+    conflict: bool = False
+    over_share: str = ""
+    lateness_ms: int = 0
+    sent_views: list[str] = []
+    unsent_views: dict[str, str] = {}
+
+
+class PastMemory(_Document):
+    """Memory that the past uses, and its limit."""
+
+    bytes: int
+    bytes_max: int
+
+
+class ArchiveUse(_Document):
+    """The state of the archive. `free_bytes` and `disk_bytes` describe its disk, if it has one."""
+
+    trouble: str | None
+    stored_bytes: int
+    waiting_bytes: int
+    free_bytes: int | None
+    disk_bytes: int | None
+
+
+class AdminReport(_Document):
+    """Everything that the page shows. `past` and `archive` are null if none is kept. `certificates`: when
+    each expires, in unix seconds, by the flag that names its file."""
+
+    relay: RelayFigures
+    robots: list[AdminRobot]
+    past: PastMemory | None
+    archive: ArchiveUse | None
+    certificates: dict[str, int]
+
+
+class MadeShareLink(_Document):
+    """A share link. `link`: all of it with --public-url, else only from # on. `until_s`: unix seconds."""
+
+    link: str
+    until_s: int
+
+
+class Nothing(_Document):
+    """An empty answer: the request was carried out."""
+
+
+class MemoryStats(Protocol):
+    """Memory that the past uses, and its limit, in bytes."""
+
+    bytes: int
+    bytes_max: int
+
+
+@dataclass(frozen=True)
+class AdminSources:
+    """Sources of what the page shows.
+
+    `path`: the robots file. `get_robots` returns its version in force. `find_expiries` returns when
+    certificates expire, in unix seconds, by flag. `count_refused` returns the number of refused publishers.
+    `public_url`: where people open robots, without a slash at its end; None if it is not set.
+    """
+
+    path: Path
+    get_robots: Callable[[], Robots]
+    find_expiries: Callable[[], Mapping[str, float]]
+    count_refused: Callable[[], int]
+    past: MemoryStats | None
+    archive: ArchiveStats | None
+    public_url: str | None
+
+
+def make_report(access: Access, sources: AdminSources, trouble: str | None) -> dict[str, Any]:
+    """Return what the page shows now, without secrets. `trouble`: the relay's problem now, in one line."""
+    hubs = [dispatcher.hub for dispatcher in access.dispatchers]
+    rooms = [room for hub in hubs for robot in hub.robots.values() for room in robot.rooms.values()]
+    robots = sources.get_robots().enrolled
+    past, archive = sources.past, sources.archive
+    # a gateway hears only robots that are watched there; it knows the others from the store
+    listed = access.live.store.list_robots()
+    statuses = {doc["robot"]: str(doc["status"]) for doc in listed or ()}
+    return {
+        "relay": {
+            "trouble": trouble,
+            "viewers": sum(len(hub.viewers) for hub in hubs),
+            "delivered_frames": sum(hub.delivered for hub in hubs) + sum(room.delivered for room in rooms),
+            "skipped_frames": sum(hub.skipped for hub in hubs) + sum(room.skipped for room in rooms),
+            "refused_publishers": sources.count_refused(),
+        },
+        "robots": [
+            _make_row(access, name, entry, statuses.get(name))
+            | (_compare_views(access, name, entry) if listed is None else {})
+            for name, entry in sorted(robots.items())
+        ],
+        "past": None if past is None else {"bytes": past.bytes, "bytes_max": past.bytes_max},
+        "archive": None if archive is None else _describe_archive(archive),
+        "certificates": {flag: round(at_s) for flag, at_s in sources.find_expiries().items()},
+    }
+
+
+def _make_row(access: Access, name: str, entry: RobotEntry, told: str | None) -> dict[str, Any]:
+    live = access.live
+    robot = live.hub.robots.get(name)
+    shown = {audience.value: describe_rule(audience, rule) for audience, rule in entry.rules.items()}
+    return {
+        "robot": name,
+        "publishes_by": "certificate" if entry.secret is None else "credential",
+        "expires_s": None if entry.expires_s == float("inf") else round(entry.expires_s),
+        "audiences": shown,
+        "may_link": Audience.LINK in entry.rules,
+        "has_links": entry.link_key is not None,
+        "viewers": _count_viewers(access, name),
+        **(_describe_robot(robot, live.now()) if robot is not None else {"status": told or "offline"}),
+    }
+
+
+def _describe_robot(robot: Robot, now: float) -> dict[str, Any]:
+    return {
+        "status": robot.compute_status(next(iter(robot.rooms.values()), None), now),
+        "conflict": robot.in_conflict,
+        "over_share": robot.share.find_exceeded_limit(now),
+        "lateness_ms": round(robot.runs.lateness_s * 1000),
+    }
+
+
+def _compare_views(access: Access, name: str, entry: RobotEntry) -> dict[str, Any]:
+    """Return the views that a robot sends, and the views that its rules show but it does not send. Empty
+    before its first frame. Only for a process to which robots publish: a gateway hears only watched views.
+    """
+    robot = access.live.hub.robots.get(name)
+    rooms = {} if robot is None else robot.rooms  # includes views that viewers asked for but nobody sends
+    sent = sorted(view for view, room in rooms.items() if room.stream.schema is not None)
+    if not sent:
+        return {}
+    shown = {audience.value: rule.view for audience, rule in entry.rules.items() if not rule.blackout}
+    return {
+        "sent_views": sent,
+        "unsent_views": {audience: view for audience, view in shown.items() if view not in sent},
+    }
+
+
+def _count_viewers(access: Access, name: str) -> int:
+    here = [of for each in access.dispatchers if (of := each.hub.robots.get(name)) is not None]
+    return sum(of.count_viewers() for of in here) + access.live.store.count_viewers_elsewhere(name)
+
+
+def _describe_archive(archive: ArchiveStats) -> dict[str, Any]:
+    told = archive.measure()
+    return {
+        "trouble": told.trouble,
+        "stored_bytes": told.stored_bytes,
+        "waiting_bytes": told.waiting_bytes,
+        "free_bytes": told.free_bytes,
+        "disk_bytes": told.disk_bytes,
+    }
+
 
 log = logging.getLogger("posecast_relay")
 
@@ -68,12 +257,12 @@ def add_admin_routes(
 
     @app.get("/admin", include_in_schema=False)
     async def without_slash(request: Request) -> Response:
-        _require_place(access, sources, request)
+        _require_allowed_address(access, sources, request)
         return RedirectResponse("admin/", headers=PRIVATE)
 
     @app.get("/admin/{name:path}", include_in_schema=False)
     async def page(request: Request, name: str) -> Response:
-        _require_place(access, sources, request)
+        _require_allowed_address(access, sources, request)
         if name not in FILES:
             raise HTTPException(404, "no such file")
         return FileResponse(PAGE / FILES[name], headers=PAGE_HEADERS)
@@ -81,7 +270,7 @@ def add_admin_routes(
     @app.get(
         API,
         summary="Data of the page /admin; needs its credential",
-        responses=ERRORS | _tells(documents.AdminReport),
+        responses=ERRORS | _describe_answer(AdminReport),
     )
     async def report(request: Request) -> JSONResponse:
         _require_admin(access, sources, request)
@@ -90,7 +279,7 @@ def add_admin_routes(
     @app.post(
         API + "/robots/{robot}/links",
         summary="Make a share link, valid for days= (7 by default)",
-        responses=CHANGE_ERRORS | _tells(documents.MadeShareLink),
+        responses=CHANGE_ERRORS | _describe_answer(MadeShareLink),
     )
     async def make_link(request: Request, robot: str, days: str = "7") -> JSONResponse:
         _require_admin(access, sources, request)
@@ -106,7 +295,7 @@ def add_admin_routes(
     @app.delete(
         API + "/robots/{robot}/links",
         summary="Revoke all share links of this robot",
-        responses=CHANGE_ERRORS | _tells(documents.Nothing),
+        responses=CHANGE_ERRORS | _describe_answer(Nothing),
     )
     async def revoke_links(request: Request, robot: str) -> JSONResponse:
         _require_admin(access, sources, request)
@@ -120,12 +309,12 @@ def add_admin_routes(
         return JSONResponse({}, headers=PRIVATE)
 
 
-def _tells(model: type) -> dict[int | str, dict[str, Any]]:
+def _describe_answer(model: type) -> dict[int | str, dict[str, Any]]:
     """Describe a response schema, for OpenAPI."""
     return {200: {"model": model, "description": "JSON"}}
 
 
-def _require_place(access: Access, sources: AdminSources, request: Request) -> AdminEntry:
+def _require_allowed_address(access: Access, sources: AdminSources, request: Request) -> AdminEntry:
     """Return who can use the page. Raises HTTPException 404 if nobody can, 403 if the client's address or
     the page's origin is not allowed.
     """
@@ -146,8 +335,8 @@ def _require_place(access: Access, sources: AdminSources, request: Request) -> A
 
 
 def _require_admin(access: Access, sources: AdminSources, request: Request) -> None:
-    """Raises HTTPException 401 without the credential; see also _require_place."""
-    admin = _require_place(access, sources, request)
+    """Raises HTTPException 401 without the credential; see also _require_allowed_address."""
+    admin = _require_allowed_address(access, sources, request)
     token = read_bearer(request.headers.get("authorization")) or ""
     if not hmac.compare_digest(token.encode(), admin.secret.encode()):
         raise HTTPException(401, "wrong or missing credential", PRIVATE | {"www-authenticate": "Bearer"})

@@ -1,1 +1,0 @@
-"""Deletion from an object store: tombstones, what they cover, and data that no segment names any more."""

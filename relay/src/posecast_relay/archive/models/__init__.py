@@ -1,1 +1,0 @@
-"""Models in an object store, kept while a segment there names them."""

@@ -1,1 +1,0 @@
-"""Who may see what: rules by robot and audience, and share links."""

@@ -1,1 +1,0 @@
-"""The state of each robot: streams, runs, liveness, its share of the relay, and its viewers' rooms."""

@@ -1,1 +1,0 @@
-"""One viewer: when it is due by its rate, and the messages it gets."""

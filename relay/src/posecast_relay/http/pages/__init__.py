@@ -1,1 +1,0 @@
-"""Built files over HTTP: the page, and the guide."""

@@ -1,1 +1,0 @@
-"""The past over HTTP: routes and responses."""

@@ -1,1 +1,0 @@
-"""Computes the poses of a model's links."""

@@ -1,0 +1,1 @@
+"""The past: data from robots in segments (`wire/SPEC.md` §10), from the recorder to the HTTP routes."""
