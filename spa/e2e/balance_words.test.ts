@@ -22,6 +22,7 @@ const SAVES = `(() => {
   };
 })()`;
 
+const LAPTOP = { width: 1280, height: 800 };
 const STANDING_S = 2;
 const LEANING_S = 58;
 
@@ -55,66 +56,32 @@ const says = (page: Page, what: string, words: RegExp) =>
   );
 const spoken = async (page: Page) => (await page.findByTestId('spoken').text()).replaceAll('\u00a0', ' ');
 
-async function opened(at: string, moment: Moment, preload = '') {
-  const relay = await stage.stack.relay();
-  const { source } = stage.stack.fedEdge(relay, moment, DEMO);
-  const page = await stage.newPage({
-    preload: `${LIGHT};${preload}`,
-    viewport: { width: 1280, height: 800 },
-  });
-  await page.open(`${relay.url}/${at}#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+const INSIDE = /^The centre of mass is \d+ mm inside the area it stands on\.$/;
+
+const robot = stage.share(async (stack) => {
+  const relay = await stack.relay();
+  return { relay, ...stack.fedEdge(relay, demoAt(STANDING_S), DEMO) };
+});
+const watched = stage.share(async (_, newPage) => {
+  const { relay } = await robot();
+  const page = await newPage({ preload: `${LIGHT};${SAVES}`, viewport: LAPTOP });
+  await page.open(`${relay.url}/#/r/demo`);
+  return page;
+});
+
+/** The page of the robot, which stands. */
+async function standing() {
+  const { relay, source } = await robot();
+  source.write(JSON.stringify(demoAt(STANDING_S)));
+  const page = await watched();
+  await until('it stands', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)), 60_000);
+  await says(page, 'inside', INSIDE);
   return { relay, source, page };
 }
 
-it('one sentence tells whether it would fall and where to, to the eye and to the ear', async () => {
-  const standing = demoAt(STANDING_S);
-  const { source, page } = await opened('', standing);
-  const INSIDE = /^The centre of mass is \d+ mm inside the area it stands on\.$/;
-  const first = await says(page, 'inside', INSIDE);
-  expect([first.level, first.kind]).toEqual(['ok', 'inside']);
-  await until(
-    'said aloud',
-    async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)),
-    30_000,
-  );
-  mkdirSync(SHOTS, { recursive: true });
-  await page.screenshot(path.join(SHOTS, 'balance-words.png'));
-
-  source.write(JSON.stringify(demoAt(LEANING_S)));
-  await until('amber', async () => (await line(page))?.level === 'caution', 30_000);
-  expect((await line(page))?.text).toMatch(INSIDE);
-
-  source.write(JSON.stringify(without('LF', standing)));
-  const falls = await says(
-    page,
-    'outside',
-    /^It would fall to its left: the centre of mass is \d+ mm outside\.$/,
-  );
-  expect(falls.level).toBe('fault');
-  await until('said aloud', async () => /It would fall to its left/.test(await spoken(page)), 30_000);
-
-  source.write(JSON.stringify(without('LF', without('RF', standing))));
-  await says(page, 'no foot', /^No foot bears weight\.$/);
-
-  source.write(JSON.stringify({ ...standing, ftf: { ...standing.ftf, 'RF.fz': null } }));
-  await says(page, 'no reading', /^A foot has no force reading/);
-  const filled = await page.evaluate<string>(
-    `getComputedStyle(document.querySelector('.stage .balance-mark')).backgroundColor`,
-  );
-  expect(filled, 'what nobody knows is not green').toBe('rgba(0, 0, 0, 0)');
-
-  source.write(JSON.stringify(without('LF', without('RF', standing))));
-  await says(page, 'no foot again', /^No foot bears weight\.$/);
-  source.signal('SIGSTOP');
-  await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
-  await says(page, 'the past tense', /^No foot bore weight\.$/);
-  expect((await line(page))?.level).toBe('old');
-});
-
 it('on a laptop the sentence stands on one line, in the middle of the body', async () => {
-  const relay = await stage.stack.relay();
-  stage.stack.fedEdge(relay, demoAt(LEANING_S), DEMO);
+  const { relay, source } = await robot();
+  source.write(JSON.stringify(demoAt(LEANING_S)));
   const page = await stage.newPage({ viewport: { width: 1440, height: 900 } });
   await page.open(`${relay.url}/#/r/demo`);
   await says(page, 'inside', /inside the area/);
@@ -130,9 +97,56 @@ it('on a laptop the sentence stands on one line, in the middle of the body', asy
   expect(Math.abs(off)).toBeLessThan(2);
 });
 
+it('one sentence tells whether it would fall and where to, to the eye and to the ear', async () => {
+  const moment = demoAt(STANDING_S);
+  const { source, page } = await standing();
+  const first = await until('green', async () => {
+    const now = await line(page);
+    return now?.level === 'ok' ? now : null;
+  });
+  expect([first.level, first.kind]).toEqual(['ok', 'inside']);
+  await until(
+    'said aloud',
+    async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)),
+    30_000,
+  );
+  mkdirSync(SHOTS, { recursive: true });
+  await page.screenshot(path.join(SHOTS, 'balance-words.png'));
+
+  source.write(JSON.stringify(demoAt(LEANING_S)));
+  await until('amber', async () => (await line(page))?.level === 'caution', 30_000);
+  expect((await line(page))?.text).toMatch(INSIDE);
+
+  source.write(JSON.stringify(without('LF', moment)));
+  const falls = await says(
+    page,
+    'outside',
+    /^It would fall to its left: the centre of mass is \d+ mm outside\.$/,
+  );
+  expect(falls.level).toBe('fault');
+  await until('said aloud', async () => /It would fall to its left/.test(await spoken(page)), 30_000);
+
+  source.write(JSON.stringify(without('LF', without('RF', moment))));
+  await says(page, 'no foot', /^No foot bears weight\.$/);
+
+  source.write(JSON.stringify({ ...moment, ftf: { ...moment.ftf, 'RF.fz': null } }));
+  await says(page, 'no reading', /^A foot has no force reading/);
+  const filled = await page.evaluate<string>(
+    `getComputedStyle(document.querySelector('.stage .balance-mark')).backgroundColor`,
+  );
+  expect(filled, 'what nobody knows is not green').toBe('rgba(0, 0, 0, 0)');
+
+  source.write(JSON.stringify(without('LF', without('RF', moment))));
+  await says(page, 'no foot again', /^No foot bears weight\.$/);
+  source.signal('SIGSTOP');
+  await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+  await says(page, 'the past tense', /^No foot bore weight\.$/);
+  expect((await line(page))?.level).toBe('old');
+  source.signal('SIGCONT');
+});
+
 it('the menu switches it off and on, says why it can’t be, and explains it; so does the sentence', async () => {
-  const { page } = await opened('', demoAt(STANDING_S));
-  await says(page, 'inside', /inside/);
+  const { page } = await standing();
   const mark = () =>
     page.evaluate<Point>(`(() => {
       const { left, top, width, height } = document.querySelector('.stage .balance-line .explain-mark').getBoundingClientRect();
@@ -161,12 +175,12 @@ it('the menu switches it off and on, says why it can’t be, and explains it; so
   await says(page, 'again', /inside/);
   expect(await kept(), 'as it is by itself').toBe('auto');
   await page.screenshot(path.join(SHOTS, 'balance-menu.png'));
+  await page.press('Escape');
+  await until('no menu', async () => (await page.findByTestId('balance-entry').count()) === 0);
 });
 
 it('its margin goes into a plot with all of the minute, into the table that is saved, and has limits', async () => {
-  const standing = demoAt(STANDING_S);
-  const { source, page } = await opened('', standing, SAVES);
-  await says(page, 'inside', /inside/);
+  const { source, page } = await standing();
   await page.findByRole('tab', 'Sensors').click();
   await until('its numbers', async () => (await page.findByTestId('balance-table').count()) === 1);
   await page.screenshot(path.join(SHOTS, 'balance-sensors.png'));
@@ -207,16 +221,16 @@ it('its margin goes into a plot with all of the minute, into the table that is s
   await page.evaluate(`localStorage.removeItem('posecast.limits.demo')`);
   await page.reload();
   await says(page, 'inside', /inside/);
-  source.write(JSON.stringify(without('LF', standing)));
+  source.write(JSON.stringify(without('LF', demoAt(STANDING_S))));
   await says(page, 'outside', /outside/);
   await page.findByRole('tab', 'Alarms').click();
   await until('by the page’s own', async () => /Balance margin below 0 mm/.test(await alarms()));
   expect(await alarms()).not.toContain('your limit');
+  await page.findByRole('tab', 'Joints').click();
 });
 
 it('large where it is presented, slim in a frame, short beside others; how much of its way a joint has left', async () => {
-  const { relay, page } = await opened('', demoAt(STANDING_S));
-  await says(page, 'inside', /inside/);
+  const { relay, page } = await standing();
   await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
   await until('what is left', async () =>
     /left to the limit .*[\d.]+ rad to its (lower|upper) limit, \d+ % of its range/.test(
@@ -236,7 +250,7 @@ it('large where it is presented, slim in a frame, short beside others; how much 
   await says(page, 'in a frame', /inside/);
   await page.screenshot(path.join(SHOTS, 'balance-embed.png'));
 
-  await page.viewport({ width: 1280, height: 800 });
+  await page.viewport(LAPTOP);
   await page.open(`${relay.url}/r/demo+nobody`);
   const brief = () =>
     page.evaluate<string>(

@@ -2,7 +2,7 @@ import { mkdirSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { engineName } from './driver/engines.ts';
-import type { Page, PageOptions, Point } from './driver/page.ts';
+import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { body, drawsNothing, hasSkin, resting, tapped } from './robot_page.ts';
 import { REPO } from './stack.ts';
@@ -23,15 +23,28 @@ const demo = stage.share(async (stack) => {
   return relay;
 });
 
-/** A page with the demo robot standing still, in its initial view. */
-async function standing(options: PageOptions = {}): Promise<Page> {
+const PHONE = { viewport: { width: 390, height: 844 }, touch: true };
+
+/** The page of the demo robot, which stands still. */
+async function opened(page: Page): Promise<Page> {
   const relay = await demo();
-  const page = await stage.newPage(options);
   await page.open(`${relay.url}/#/r/demo`);
   await until('a body', () => hasSkin(page), 60_000);
   // the body makes room for its buttons, which load later
   await until('its buttons', () => page.evaluate<boolean>(`document.querySelector('.stage-tools') !== null`));
   await drawsNothing(page, 1);
+  return page;
+}
+
+const onLaptop = stage.share(async (_, newPage) => opened(await newPage()));
+const onPhone = stage.share(async (_, newPage) => opened(await newPage(PHONE)));
+
+/** A page that other tests have used, in its initial view again. */
+async function standing(used: () => Promise<Page>): Promise<Page> {
+  const page = await used();
+  await page.evaluate('document.activeElement?.blur()');
+  await page.press('0');
+  await still(page);
   return page;
 }
 
@@ -69,11 +82,9 @@ async function places(page: Page): Promise<{ robot: Point; link: string; floor: 
 }
 
 describe('the camera under fingers', () => {
-  const PHONE = { viewport: { width: 390, height: 844 }, touch: true };
-
   it('turns under one finger, moves and comes nearer under two', async (context) => {
     stage.needs(context, 'touch');
-    const page = await standing(PHONE);
+    const page = await standing(onPhone);
     const at = await middle(page);
     const before = await eye(page);
     await page.touch({ from: at, to: { x: at.x + 80, y: at.y } });
@@ -101,7 +112,7 @@ describe('the camera under fingers', () => {
 
   it('comes close to what is tapped twice, and back when the floor is', async (context) => {
     stage.needs(context, 'touch');
-    const page = await standing(PHONE);
+    const page = await standing(onPhone);
     const before = await eye(page);
     const { robot, link, floor } = await places(page);
     await page.doubleTap(robot);
@@ -118,7 +129,7 @@ describe('the camera under fingers', () => {
 
 describe('the camera under the mouse', () => {
   it('turns with the left button, and comes close by a double click', async () => {
-    const page = await standing();
+    const page = await standing(onLaptop);
     const before = await eye(page);
     const { robot } = await places(page);
     await page.drag(robot, { x: robot.x + 100, y: robot.y });
@@ -134,7 +145,7 @@ describe('the camera under the mouse', () => {
     async (context) => {
       stage.needs(context, 'buttons');
       stage.needs(context, 'wheel');
-      const page = await standing();
+      const page = await standing(onLaptop);
       const before = await eye(page);
       const { robot, link } = await places(page);
       for (let turn = 0; turn < 4; turn++) await page.wheel(robot, -120);
@@ -150,7 +161,7 @@ describe('the camera under the mouse', () => {
 
 describe('the camera under keys', () => {
   it('turns, moves, comes nearer, and knows its views', async () => {
-    const page = await standing();
+    const page = await standing(onLaptop);
     const first = await eye(page);
     await page.press('ArrowLeft');
     const turned = await eye(page);
@@ -171,7 +182,7 @@ describe('the camera under keys', () => {
   });
 
   it('is not the camera while something else has the focus', async () => {
-    const page = await standing();
+    const page = await standing(onLaptop);
     const before = await eye(page);
     await page.evaluate(`document.querySelector('[role=tab]').focus()`);
     await page.press('ArrowLeft');
@@ -183,7 +194,7 @@ describe('the camera under keys', () => {
 
   it.skipIf(!FULL)('is there at once for who wants less motion', async (context) => {
     stage.needs(context, 'media');
-    const page = await standing({ media: { motion: 'reduce' } });
+    const page = await opened(await stage.newPage({ media: { motion: 'reduce' } }));
     const azimuth = await page.evaluate<number>(`(() => {
       dispatchEvent(new KeyboardEvent('keydown', { key: '2' }));
       const { position, target } = window.posecast.scene.eye;

@@ -13,6 +13,9 @@ import { setStage } from './stage.ts';
 
 const stage = setStage({ webgl: false });
 
+const LAPTOP = { width: 1366, height: 768 };
+const LONG_ENOUGH_S = 14;
+
 const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
 const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const has = (page: Page, selector: string) => () =>
@@ -28,115 +31,6 @@ const type = (page: Page, id: string, value: string) =>
     field.dispatchEvent(new Event('input', { bubbles: true }));
   })()`);
 
-/** The demo robot's page, with this many seconds to look back on. */
-async function visit(seconds: number): Promise<Page> {
-  const relay = await stage.stack.relay({ past: 'memory:' });
-  stage.stack.edge(relay);
-  const page = await stage.newPage({ viewport: { width: 1366, height: 768 } });
-  await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', is(page, 'LIVE'), 60_000);
-  await until('a body', () => whole(page), 60_000);
-  const long = `(() => { const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds}; })()`;
-  await until(`${seconds} s of past`, () => page.evaluate<boolean>(long), 120_000);
-  return page;
-}
-
-interface Label {
-  readonly words: string;
-  readonly left: number;
-  readonly right: number;
-  readonly top: number;
-  readonly bottom: number;
-  readonly px: number;
-}
-
-it('the line has times at rest, which can be read and do not lie over one another', async () => {
-  const page = await visit(12);
-  for (const [width, height, px] of [
-    [360, 640, 12],
-    [390, 844, 12],
-    [1366, 768, 12],
-    [1920, 1080, 15],
-  ] as const) {
-    await page.viewport({ width, height });
-    const labels = await until(`times at ${width} px`, async () => {
-      const found = await page.evaluate<
-        Label[]
-      >(`innerWidth !== ${width} || Math.abs(document.querySelector('.track-picture').clientWidth - ${testId('track')}.clientWidth) > 1 ? [] :
-        [...document.querySelectorAll('.track-ticks text')].map((label) => {
-          const { left, right, top, bottom } = label.getBoundingClientRect();
-          return { words: label.textContent, left, right, top, bottom, px: parseFloat(getComputedStyle(label).fontSize) };
-        })`);
-      return found.length > 0 && found.every((label) => label.px === px) ? found : null;
-    });
-    const line = await page.evaluate<Label>(
-      `(() => { const { left, right, top, bottom } = ${testId('time-line')}.getBoundingClientRect(); return { left, right, top, bottom }; })()`,
-    );
-    for (const [i, label] of labels!.entries()) {
-      expect(label.words).toMatch(/^\d\d:\d\d(:\d\d)?$/);
-      expect(label.right).toBeLessThan(labels![i + 1]?.left ?? width);
-      expect([label.top >= line.top, label.left >= 0, label.bottom <= height + 3]).toEqual([
-        true,
-        true,
-        true,
-      ]);
-    }
-  }
-}, 240_000);
-
-it('one goes to a moment by its time, to an hour by two taps, and by the keyboard alone', async () => {
-  const page = await visit(14);
-  const wantedMs = Math.floor(Date.now() / 1000) * 1000 - 8000;
-  await page.press('g');
-  await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
-  await until('today, with an hour of it', has(page, '.moment-hours button'));
-  const clock = new Date(wantedMs).toTimeString().slice(0, 8);
-  await type(page, 'moment-time', clock);
-  await until(
-    'it was recorded',
-    async () => (await text(page, 'moment-hint')) === 'This moment was recorded.',
-  );
-  expect(await violations(page)).toEqual([]);
-  await page.evaluate(`${testId('moment-go')}.focus()`);
-  await page.press('Enter');
-  await until('PAST', is(page, 'PAST'));
-  await until('that moment', async () => Math.abs((await momentMs(page))! - wantedMs) < 1000);
-  expect(await chipText(page)).toContain(clock);
-
-  // the clock time of then leads there too
-  await page.evaluate(`document.querySelector('.transport-moment').click()`);
-  await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
-  await type(page, 'moment-date', '2001-02-03');
-  await until('the oldest', async () => /^That is no longer kept/.test(await text(page, 'moment-hint')));
-  await page.evaluate(`document.querySelector('.moment-hours button').click()`);
-  await until('the oldest of that hour', async () => (await momentMs(page))! < wantedMs);
-  expect(await page.evaluate<boolean>(`document.querySelector('dialog[open]') === null`)).toBe(true);
-  await page.press('e');
-  await until('LIVE', is(page, 'LIVE'));
-}, 240_000);
-
-it('the last faults are listed, and lead to two seconds before', async () => {
-  const page = await visit(14);
-  const faults = '.track-mark[data-level="fault"]';
-  await until('a fault on the line', has(page, faults), 120_000);
-  await page.findByTestId('jump').click();
-  await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
-  await page.evaluate(`document.querySelectorAll('.moment-ways input')[1].click()`);
-  await until('a fault', has(page, '.incidents li button'), 30_000);
-  await until('nothing is looked for', async () => {
-    const said = await page.evaluate<string>(
-      `document.querySelector('.incidents [role=status]').textContent`,
-    );
-    return /^These are all/.test(said);
-  });
-  expect(await page.evaluate<string>(`document.querySelector('.incidents li').textContent`)).toMatch(
-    /^\d\d:\d\d:\d\d.*knee.*RKN/,
-  );
-  expect(await violations(page)).toEqual([]);
-  await page.evaluate(`document.querySelector('.incidents li button').click()`);
-  await until('PAST', is(page, 'PAST'));
-}, 300_000);
-
 const DAY_MS = 86_400_000;
 const MIN_MS = 60_000;
 const PAST = '/api/v1/robots/demo/past';
@@ -144,6 +38,36 @@ const PAST = '/api/v1/robots/demo/past';
 interface Summary {
   readonly from_ms: number | null;
   readonly to_ms: number | null;
+}
+
+const robot = stage.share(async (stack) => {
+  const relay = await stack.relay({ past: 'memory:' });
+  stack.edge(relay);
+  return relay;
+});
+const watched = stage.share(async (_, newPage) => {
+  const relay = await robot();
+  await until(
+    `${LONG_ENOUGH_S} s of past`,
+    async () => {
+      const { from_ms, to_ms } = (await relay.json(PAST)) as Summary;
+      return from_ms !== null && to_ms !== null && to_ms - from_ms >= 1000 * LONG_ENOUGH_S;
+    },
+    120_000,
+  );
+  const page = await newPage({ viewport: LAPTOP });
+  await page.open(`${relay.url}/#/r/demo`);
+  await until('a body', () => whole(page), 60_000);
+  return page;
+});
+
+/** The demo robot's page, live, with some seconds to look back on. */
+async function visit(): Promise<Page> {
+  const page = await watched();
+  await until('LIVE', is(page, 'LIVE'), 60_000);
+  const long = `(() => { const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${LONG_ENOUGH_S}; })()`;
+  await until(`${LONG_ENOUGH_S} s on the line`, () => page.evaluate<boolean>(long), 60_000);
+  return page;
 }
 
 /** Some complete segments that a relay has recorded, and their schema. */
@@ -171,11 +95,7 @@ async function taken(relay: Relay): Promise<{ segments: Segment[]; schemaText: s
 }
 
 it('of days in a store the line shows what it needs, one goes there, and finds the faults of then', async () => {
-  const first = await stage.stack.relay({ past: 'memory:' });
-  const source = stage.stack.edge(first);
-  const { segments, schemaText } = await taken(first);
-  await source.kill();
-  await first.process.kill();
+  const { segments, schemaText } = await taken(await robot());
 
   const nowMs = Date.now();
   const faultMs = nowMs - 3 * DAY_MS - 10 * MIN_MS;
@@ -207,7 +127,7 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
     60_000,
   );
 
-  const page = await stage.newPage({ viewport: { width: 1366, height: 768 } });
+  const page = await stage.newPage({ viewport: LAPTOP });
   await page.open(`${relay.url}/#/r/demo`);
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('a body', () => whole(page), 60_000);
@@ -257,4 +177,101 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
     const atMs = (await momentMs(page)) ?? 0;
     return atMs > faultMs - MIN_MS - 3000 && atMs < faultMs + MIN_MS;
   });
+}, 300_000);
+
+interface Label {
+  readonly words: string;
+  readonly left: number;
+  readonly right: number;
+  readonly top: number;
+  readonly bottom: number;
+  readonly px: number;
+}
+
+it('the line has times at rest, which can be read and do not lie over one another', async () => {
+  const page = await visit();
+  for (const [width, height, px] of [
+    [360, 640, 12],
+    [390, 844, 12],
+    [1366, 768, 12],
+    [1920, 1080, 15],
+  ] as const) {
+    await page.viewport({ width, height });
+    const labels = await until(`times at ${width} px`, async () => {
+      const found = await page.evaluate<
+        Label[]
+      >(`innerWidth !== ${width} || Math.abs(document.querySelector('.track-picture').clientWidth - ${testId('track')}.clientWidth) > 1 ? [] :
+        [...document.querySelectorAll('.track-ticks text')].map((label) => {
+          const { left, right, top, bottom } = label.getBoundingClientRect();
+          return { words: label.textContent, left, right, top, bottom, px: parseFloat(getComputedStyle(label).fontSize) };
+        })`);
+      return found.length > 0 && found.every((label) => label.px === px) ? found : null;
+    });
+    const line = await page.evaluate<Label>(
+      `(() => { const { left, right, top, bottom } = ${testId('time-line')}.getBoundingClientRect(); return { left, right, top, bottom }; })()`,
+    );
+    for (const [i, label] of labels!.entries()) {
+      expect(label.words).toMatch(/^\d\d:\d\d(:\d\d)?$/);
+      expect(label.right).toBeLessThan(labels![i + 1]?.left ?? width);
+      expect([label.top >= line.top, label.left >= 0, label.bottom <= height + 3]).toEqual([
+        true,
+        true,
+        true,
+      ]);
+    }
+  }
+  await page.viewport(LAPTOP);
+}, 240_000);
+
+it('one goes to a moment by its time, to an hour by two taps, and by the keyboard alone', async () => {
+  const page = await visit();
+  const wantedMs = Math.floor(Date.now() / 1000) * 1000 - 8000;
+  await page.press('g');
+  await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
+  await until('today, with an hour of it', has(page, '.moment-hours button'));
+  const clock = new Date(wantedMs).toTimeString().slice(0, 8);
+  await type(page, 'moment-time', clock);
+  await until(
+    'it was recorded',
+    async () => (await text(page, 'moment-hint')) === 'This moment was recorded.',
+  );
+  expect(await violations(page)).toEqual([]);
+  await page.evaluate(`${testId('moment-go')}.focus()`);
+  await page.press('Enter');
+  await until('PAST', is(page, 'PAST'));
+  await until('that moment', async () => Math.abs((await momentMs(page))! - wantedMs) < 1000);
+  expect(await chipText(page)).toContain(clock);
+
+  // the clock time of then leads there too
+  await page.evaluate(`document.querySelector('.transport-moment').click()`);
+  await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
+  await type(page, 'moment-date', '2001-02-03');
+  await until('the oldest', async () => /^That is no longer kept/.test(await text(page, 'moment-hint')));
+  await page.evaluate(`document.querySelector('.moment-hours button').click()`);
+  await until('the oldest of that hour', async () => (await momentMs(page))! < wantedMs);
+  expect(await page.evaluate<boolean>(`document.querySelector('dialog[open]') === null`)).toBe(true);
+  await page.press('e');
+  await until('LIVE', is(page, 'LIVE'));
+}, 240_000);
+
+it('the last faults are listed, and lead to two seconds before', async () => {
+  const page = await visit();
+  const faults = '.track-mark[data-level="fault"]';
+  await until('a fault on the line', has(page, faults), 120_000);
+  await page.findByTestId('jump').click();
+  await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
+  await page.evaluate(`document.querySelectorAll('.moment-ways input')[1].click()`);
+  await until('a fault', has(page, '.incidents li button'), 30_000);
+  await until('nothing is looked for', async () => {
+    const said = await page.evaluate<string>(
+      `document.querySelector('.incidents [role=status]').textContent`,
+    );
+    return /^These are all/.test(said);
+  });
+  expect(await page.evaluate<string>(`document.querySelector('.incidents li').textContent`)).toMatch(
+    /^\d\d:\d\d:\d\d.*knee.*RKN/,
+  );
+  expect(await violations(page)).toEqual([]);
+  await page.evaluate(`document.querySelector('.incidents li button').click()`);
+  await until('PAST', is(page, 'PAST'));
 }, 300_000);

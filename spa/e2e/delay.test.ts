@@ -8,13 +8,17 @@ import { setStage } from './stage.ts';
 const stage = setStage();
 
 const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
+const swinging = stage.share(async (stack) => {
+  const relay = await stack.relay();
+  stack.fedEdge(relay, SWINGING);
+  return relay;
+});
 const LOOKS = 40;
 /** The browser's message about a WebSocket that a proxy has turned into an ordinary request, or that does not open in time. */
 const NO_UPGRADE = /WebSocket|status of 40\d/;
 
 async function behind(fault: Fault): Promise<{ link: FaultyLink; page: Page }> {
-  const relay = await stage.stack.relay();
-  stage.stack.fedEdge(relay, SWINGING);
+  const relay = await swinging();
   const link = await FaultyLink.open(relay.port);
   link.fault(fault);
   const page = await stage.newPage({ preload: RECORD });

@@ -102,6 +102,17 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   await page.findByTestId('to-live').click();
   await until('STALE', async () => (await liveness(page)) === 'STALE');
 
+  await page.findByTestId('jump').click();
+  for (const [i, part] of ['moment-days', 'incidents'].entries()) {
+    await until(part, () =>
+      page.evaluate<boolean>(`document.querySelectorAll('.moment-ways input')[${i}]?.click() !== null
+        && document.querySelector('[data-testid=${part}]') !== null`),
+    );
+    const some = PLAYED.filter(({ width }) => [360, 844, 1440].includes(width));
+    await lookEverywhere(page, part, wrongs, some);
+  }
+  await page.press('Escape');
+
   await relay.process.kill();
   await until('no connection', () =>
     page.evaluate<boolean>(
@@ -116,30 +127,6 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   expect(wrongs.lines).toEqual([]);
 }, 400_000);
 
-it('nor in the sheet by which one goes to a moment', async () => {
-  const relay = await stage.stack.relay();
-  stage.stack.fedEdge(relay, demoAt(42), DEMO);
-  const page = await stage.newPage({ preload: CHOSEN, media: { motion: 'reduce' } });
-  const wrongs = new Wrongs();
-  onTestFinished(() => console.info(wrongs.lines.join('\n')));
-  await page.open(`${relay.url}/#/r/demo`);
-  await has(page, 'track');
-  await page.findByTestId('jump').click();
-  for (const [i, part] of ['moment-days', 'incidents'].entries()) {
-    await until(part, () =>
-      page.evaluate<boolean>(`document.querySelectorAll('.moment-ways input')[${i}]?.click() !== null
-        && document.querySelector('[data-testid=${part}]') !== null`),
-    );
-    await lookEverywhere(
-      page,
-      part,
-      wrongs,
-      PLAYED.filter(({ width }) => [360, 844, 1440].includes(width)),
-    );
-  }
-  expect(wrongs.lines).toEqual([]);
-}, 240_000);
-
 it('nor on the other pages', async () => {
   const relay = await stage.stack.relay();
   const still = demoAt(1);
@@ -152,9 +139,8 @@ it('nor on the other pages', async () => {
   onTestFinished(() => console.info(wrongs.lines.join('\n')));
   const some = PLAYED.filter(({ width }) => [360, 390, 844, 1440].includes(width));
   for (const [what, address, there, sizes] of [
+    // what differs after the # alone needs no reload
     ['list', '?as=anyone#/', '[data-testid=robot-left]', PLAYED],
-    ['nothing here', '?2#/nowhere', '.broken', PLAYED],
-    ['refused', '?relay=https://elsewhere.example#/', '[data-testid=relay-refused]', PLAYED],
     ['nobody', '?as=anyone#/r/nobody', '[data-testid=stage-note]', some],
     [
       'no model',
@@ -162,7 +148,9 @@ it('nor on the other pages', async () => {
       '[data-testid=self-plots]',
       some,
     ],
-    ['side by side', '?5#/r/left+right', '.stage-tools', some],
+    ['side by side', '?2#/r/left+right', '.stage-tools', some],
+    ['nothing here', '?2#/nowhere', '.broken', PLAYED],
+    ['refused', '?relay=https://elsewhere.example#/', '[data-testid=relay-refused]', PLAYED],
     ['embed', 'embed/left?as=anyone#/r/left', '[data-testid=level]:not([hidden])', some],
   ] as const) {
     await page.open(`${relay.url}/${address}`);

@@ -7,6 +7,11 @@ import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
+const demo = stage.share(async (stack) => {
+  const relay = await stack.relay();
+  stack.edge(relay);
+  return relay;
+});
 
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const KOREAN = `Object.defineProperty(navigator, 'language', { value: 'ko-KR' })`;
@@ -14,9 +19,7 @@ const KOREAN = `Object.defineProperty(navigator, 'language', { value: 'ko-KR' })
 describe('a page that is opened while its proxy restarts', () => {
   let gate: Gate;
   beforeEach(async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
-    gate = await Gate.open(relay.port);
+    gate = await Gate.open((await demo()).port);
   });
   afterEach(() => gate.close());
 

@@ -10,6 +10,11 @@ import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
+const demo = stage.share(async (stack) => {
+  const relay = await stack.relay();
+  stack.edge(relay);
+  return relay;
+});
 
 const SHOTS = path.join(REPO, 'spa/e2e/shots');
 /** What a browser logs after a session has ended: it follows redirects of scripts and pictures. */
@@ -26,9 +31,7 @@ describe('behind a proxy that asks for', () => {
   let login: Host;
   let signedIn = true;
   beforeEach(async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
-    gate = await Gate.open(relay.port);
+    gate = await Gate.open((await demo()).port);
     login = await Host.open(stage.stack.folder());
     login.instead.set('/index.html', '<p>Who are you?</p>');
     login.instead.set('/favicon.ico', '');

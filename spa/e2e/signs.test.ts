@@ -9,7 +9,18 @@ import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
-/** A robot that stands still at one moment, and its page. */
+const PHONE = { width: 390, height: 844 };
+const LAPTOP = { width: 1280, height: 800 };
+
+const robot = stage.share(async (stack, newPage) => {
+  const relay = await stack.relay();
+  const { source } = stack.fedEdge(relay, demoAt(38), DEMO);
+  const page = await newPage({ viewport: LAPTOP });
+  await page.open(`${relay.url}/#/r/demo`);
+  return { source, page };
+});
+
+/** A robot and a page of its own. */
 async function standing(
   sample: Sample,
   preload = '',
@@ -32,122 +43,7 @@ async function calls(page: Page): Promise<number> {
   return page.evaluate<number>('window.posecast.scene.drawCalls');
 }
 
-describe('the lens', () => {
-  it('finds the jammed knee of the demo robot: a ghost of that limb alone, an arc, a label, one draw call', async () => {
-    const still = demoAt(38);
-    const jammed = demoAt(42);
-    const { source, page } = await standing(still);
-    await until('signs', async () => (await signs(page)).wrenches.length === 4);
-    expect((await signs(page)).ghostLinks).toEqual([]);
-    const without = await calls(page);
-    expect(without, 'the whole scene').toBeLessThanOrEqual(19);
-
-    source.write(JSON.stringify(jammed));
-    const found = await until('a ghost', async () => {
-      const now = await signs(page);
-      return now.ghostLinks.length > 0 ? now : null;
-    });
-    expect(found.deviations.map(({ channel }) => channel)).toEqual(['RKN']);
-    expect(found.deviations[0]?.error).toBeCloseTo((jammed.ref?.RKN ?? 0) - (jammed.pos?.RKN ?? 0), 2);
-    expect(found.ghostLinks, 'what hangs on the knee').toContain('Body_RAR');
-    for (const other of ['Body_RHP', 'Body_LAR', 'Body_Torso']) expect(found.ghostLinks).not.toContain(other);
-    expect(await labels(page)).toContainEqual(expect.stringMatching(/^apart-RKN: RKN 0\.\d+ rad off$/));
-    // More while shadows are redrawn.
-    await until('one draw call more', async () => (await calls(page)) === without + 1, 30_000);
-
-    source.write(JSON.stringify(still));
-    await until('no ghost', async () => (await signs(page)).ghostLinks.length === 0);
-    await until('as many as before', async () => (await calls(page)) === without, 30_000);
-  });
-
-  it.skipIf(!FULL)(
-    'names a limb that yields on purpose and draws no ghost of it; "both" shows the whole one',
-    async () => {
-      const yielding = demoAt(29.5);
-      const { page } = await standing(yielding);
-      const now = await until('deviations', async () => {
-        const found = await signs(page);
-        return found.deviations.length > 0 ? found : null;
-      });
-      expect(now.deviations.every(({ compliant }) => compliant)).toBe(true);
-      expect(now.ghostLinks).toEqual([]);
-      expect(await labels(page)).toContain('apart-LSP: LSP compliant');
-      await choose(page, { shown: 'both' });
-      await until('a whole ghost', async () => (await signs(page)).ghostLinks.includes('Body_Torso'));
-      await choose(page, { shown: 'pos', lens: false });
-      await until('wrenches', async () => (await signs(page)).wrenches.length === 4);
-      expect((await signs(page)).deviations).toEqual([]);
-    },
-  );
-});
-
-describe('limits', () => {
-  it('set by the viewer change colour and shape at once, last a reload, and go back to the profile', async () => {
-    const { page } = await standing(demoAt(1));
-    const foot = async () => (await signs(page)).wrenches.find(({ site }) => site === 'RF')?.force;
-    const standsOn = await until('an arrow', async () => {
-      const found = await foot();
-      return found != null && found.size > 0 ? found : null;
-    });
-    expect(standsOn.level).toBe('ok');
-    expect(standsOn.value).toBeGreaterThan(100);
-
-    const openLimits = async () => {
-      await page.findByRole('button', 'Settings').click();
-      await until('limits', async () => (await page.findByTestId('limits').count()) > 0);
-    };
-    await openLimits();
-    const high = '[data-testid="limit-ftf-RF.fz"] .number-field:nth-of-type(2) input';
-    const type = (text: string) =>
-      page.evaluate(`(() => {
-        for (const details of document.querySelectorAll('.limits details')) details.open = true;
-        const input = document.querySelector(${JSON.stringify(high)});
-        Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, ${JSON.stringify(text)});
-        input.dispatchEvent(new Event('input', { bubbles: true }));
-      })()`);
-    await type('100');
-    await until('a fault', async () => (await foot())?.level === 'fault');
-    expect(await page.evaluate(`document.querySelector('[data-sign="wrench-RF"]').dataset.level`)).toBe(
-      'fault',
-    );
-    await type('-99');
-    expect(await page.findByTestId('limits').text()).toContain(
-      'The lower limit must be below the upper one.',
-    );
-    expect((await foot())?.level, 'what makes no sense changes nothing').toBe('fault');
-
-    await page.reload();
-    await shown(page);
-    await until('the fault again', async () => (await foot())?.level === 'fault');
-    await openLimits();
-    await page.findByRole('button', 'Reset all to profile').click();
-    await until('well again', async () => (await foot())?.level === 'ok');
-  });
-});
-
 describe('what a robot does not say', () => {
-  it('a force without a reading is named, an orientation of length zero is none; the page stays up', async () => {
-    const sample = demoAt(1);
-    const { source, page } = await standing(sample);
-    await until('a level', async () => (await signs(page)).level.roll !== null);
-    const broken = {
-      ...sample,
-      ftf: { ...sample.ftf, 'RF.fz': null },
-      quat: Object.fromEntries(Object.keys(sample.quat ?? {}).map((label) => [label, 0])),
-    };
-    source.write(JSON.stringify(broken));
-    await until('no reading', async () => (await labels(page)).includes('wrench-RF: right foot: no reading'));
-    const now = await signs(page);
-    expect(now.wrenches.find(({ site }) => site === 'RF')?.force).toMatchObject({ value: null, size: 0 });
-    expect(now.level).toMatchObject({ roll: null, pitch: null, feet: [] });
-    expect(await page.findByTestId('level').text()).toContain('—');
-    expect(
-      Object.values((await body(page))?.links ?? {})
-        .flat()
-        .every(Number.isFinite),
-    ).toBe(true);
-  });
-
   it('a robot without odometry leans as its IMU says, and stays so when the IMU falls silent', async () => {
     const { base: _, baseq: __, ...sample } = demoAt(1);
     const turned = (w: number, x: number) => ({
@@ -199,6 +95,131 @@ describe('what a robot does not say', () => {
     expect(offered).toEqual(['Limbs off their command', '?', 'All words explained']);
     expect(await page.findByTestId('level').visible()).toBe(false);
   });
+
+  it('a force without a reading is named, an orientation of length zero is none; the page stays up', async () => {
+    const sample = demoAt(1);
+    const { source, page } = await robot();
+    source.write(JSON.stringify(sample));
+    await shown(page);
+    await until('a level', async () => (await signs(page)).level.roll !== null);
+    const broken = {
+      ...sample,
+      ftf: { ...sample.ftf, 'RF.fz': null },
+      quat: Object.fromEntries(Object.keys(sample.quat ?? {}).map((label) => [label, 0])),
+    };
+    source.write(JSON.stringify(broken));
+    await until('no reading', async () => (await labels(page)).includes('wrench-RF: right foot: no reading'));
+    const now = await signs(page);
+    expect(now.wrenches.find(({ site }) => site === 'RF')?.force).toMatchObject({ value: null, size: 0 });
+    expect(now.level).toMatchObject({ roll: null, pitch: null, feet: [] });
+    expect(await page.findByTestId('level').text()).toContain('—');
+    expect(
+      Object.values((await body(page))?.links ?? {})
+        .flat()
+        .every(Number.isFinite),
+    ).toBe(true);
+  });
+});
+
+describe('the lens', () => {
+  it('finds the jammed knee of the demo robot: a ghost of that limb alone, an arc, a label, one draw call', async () => {
+    const still = demoAt(38);
+    const jammed = demoAt(42);
+    const { source, page } = await robot();
+    source.write(JSON.stringify(still));
+    await shown(page);
+    await until('signs, and no ghost', async () => {
+      const { wrenches, ghostLinks, level } = await signs(page);
+      return wrenches.length === 4 && ghostLinks.length === 0 && level.roll !== null;
+    });
+    const without = await calls(page);
+    expect(without, 'the whole scene').toBeLessThanOrEqual(19);
+
+    source.write(JSON.stringify(jammed));
+    const found = await until('a ghost', async () => {
+      const now = await signs(page);
+      return now.ghostLinks.length > 0 ? now : null;
+    });
+    expect(found.deviations.map(({ channel }) => channel)).toEqual(['RKN']);
+    expect(found.deviations[0]?.error).toBeCloseTo((jammed.ref?.RKN ?? 0) - (jammed.pos?.RKN ?? 0), 2);
+    expect(found.ghostLinks, 'what hangs on the knee').toContain('Body_RAR');
+    for (const other of ['Body_RHP', 'Body_LAR', 'Body_Torso']) expect(found.ghostLinks).not.toContain(other);
+    expect(await labels(page)).toContainEqual(expect.stringMatching(/^apart-RKN: RKN 0\.\d+ rad off$/));
+    // More while shadows are redrawn.
+    await until('one draw call more', async () => (await calls(page)) === without + 1, 30_000);
+
+    source.write(JSON.stringify(still));
+    await until('no ghost', async () => (await signs(page)).ghostLinks.length === 0);
+    await until('as many as before', async () => (await calls(page)) === without, 30_000);
+  });
+
+  it.skipIf(!FULL)(
+    'names a limb that yields on purpose and draws no ghost of it; "both" shows the whole one',
+    async () => {
+      const yielding = demoAt(29.5);
+      const { page } = await standing(yielding);
+      const now = await until('deviations', async () => {
+        const found = await signs(page);
+        return found.deviations.length > 0 ? found : null;
+      });
+      expect(now.deviations.every(({ compliant }) => compliant)).toBe(true);
+      expect(now.ghostLinks).toEqual([]);
+      expect(await labels(page)).toContain('apart-LSP: LSP compliant');
+      await choose(page, { shown: 'both' });
+      await until('a whole ghost', async () => (await signs(page)).ghostLinks.includes('Body_Torso'));
+      await choose(page, { shown: 'pos', lens: false });
+      await until('wrenches', async () => (await signs(page)).wrenches.length === 4);
+      expect((await signs(page)).deviations).toEqual([]);
+    },
+  );
+});
+
+describe('limits', () => {
+  it('set by the viewer change colour and shape at once, last a reload, and go back to the profile', async () => {
+    const { source, page } = await robot();
+    source.write(JSON.stringify(demoAt(1)));
+    await shown(page);
+    const foot = async () => (await signs(page)).wrenches.find(({ site }) => site === 'RF')?.force;
+    const standsOn = await until('an arrow', async () => {
+      const found = await foot();
+      return found != null && found.size > 0 ? found : null;
+    });
+    expect(standsOn.level).toBe('ok');
+    expect(standsOn.value).toBeGreaterThan(100);
+
+    const openLimits = async () => {
+      await page.findByRole('button', 'Settings').click();
+      await until('limits', async () => (await page.findByTestId('limits').count()) > 0);
+    };
+    await openLimits();
+    const high = '[data-testid="limit-ftf-RF.fz"] .number-field:nth-of-type(2) input';
+    const type = (text: string) =>
+      page.evaluate(`(() => {
+        for (const details of document.querySelectorAll('.limits details')) details.open = true;
+        const input = document.querySelector(${JSON.stringify(high)});
+        Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, ${JSON.stringify(text)});
+        input.dispatchEvent(new Event('input', { bubbles: true }));
+      })()`);
+    await type('100');
+    await until('a fault', async () => (await foot())?.level === 'fault');
+    expect(await page.evaluate(`document.querySelector('[data-sign="wrench-RF"]').dataset.level`)).toBe(
+      'fault',
+    );
+    await type('-99');
+    expect(await page.findByTestId('limits').text()).toContain(
+      'The lower limit must be below the upper one.',
+    );
+    expect((await foot())?.level, 'what makes no sense changes nothing').toBe('fault');
+
+    await page.reload();
+    await shown(page);
+    await until('the fault again', async () => (await foot())?.level === 'fault');
+    await openLimits();
+    await page.findByRole('button', 'Reset all to profile').click();
+    await until('well again', async () => (await foot())?.level === 'ok');
+    await page.press('Escape');
+    await until('closed', async () => (await page.findByTestId('limits').count()) === 0);
+  });
 });
 
 describe('load on the body', () => {
@@ -235,10 +256,10 @@ it.skipIf(!FULL)('all signs of an unchanged robot cost no pictures', async () =>
 });
 
 it('on a phone the feet stand above the buttons', async () => {
-  const relay = await stage.stack.relay();
-  stage.stack.fedEdge(relay, demoAt(1), DEMO);
-  const page = await stage.newPage({ viewport: { width: 390, height: 844 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const { source, page } = await robot();
+  source.write(JSON.stringify(demoAt(1)));
+  await page.viewport(PHONE);
+  await page.reload();
   await shown(page);
   // The lowest point of the robot that can be picked, compared with the highest of the buttons.
   const clear = () =>

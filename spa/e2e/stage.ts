@@ -16,9 +16,10 @@ export interface Stage {
   /** Skips the test, with the reason, in an engine whose driver does not support this. */
   needs(context: TestContext, ability: Ability): void;
   newPage(options?: PageOptions): Promise<Page>;
-  /** What all tests of this file look at and none changes: `start` is called by the first one that asks. Call it beside
-   *  `setStage`. */
-  share<T>(start: (stack: Stack) => Promise<T>): () => Promise<T>;
+  /** What all tests of this file look at: `start` is called by the first one that asks, and again by the one after a test that
+   *  failed. Pages from its `newPage` stay open till the end of the file; each test leaves them as it found them. Call it
+   *  beside `setStage`. */
+  share<T>(start: (stack: Stack, newPage: Stage['newPage']) => Promise<T>): () => Promise<T>;
 }
 
 /** Software renders 3D as slowly as the slowest phone: without this, a page would switch to the light view in the middle of a
@@ -67,26 +68,60 @@ export interface StageOptions extends BrowserOptions {
 export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): Stage {
   let browser: Browser | null = null;
   let stack = new Stack();
-  const shared = new Stack();
+  let skip = (why: string): never => {
+    throw new Error(why);
+  };
+  let shared = new Stack((why) => skip(why));
   let pages: Page[] = [];
+  const sharedPages: Page[] = [];
+  /** How often what the tests share was begun anew. */
+  let times = 0;
+  let failed = false;
+
+  async function endShared(): Promise<void> {
+    for (const page of sharedPages.splice(0)) await page.close();
+    await shared.down();
+  }
+
+  async function openPage(pageOptions: PageOptions): Promise<Page> {
+    const preload = `${KEEP_3D};${paints ? '' : UNPAINTED};${pageOptions.preload ?? ''}`;
+    const page = await stage.browser.newPage({ ...pageOptions, preload });
+    if (!paints) page.screenshot = async () => undefined; // it would have no body
+    return page;
+  }
+
+  async function openShared(pageOptions: PageOptions = {}): Promise<Page> {
+    const page = await openPage(pageOptions);
+    sharedPages.push(page);
+    return page;
+  }
 
   beforeAll(async () => {
     browser = await keepBrowser({ strangersCertificate: CLOUD !== null, ...options });
   });
 
-  beforeEach((context) => {
-    stack = new Stack((why) => context.skip(why));
+  beforeEach(async (context) => {
+    if (failed) {
+      await endShared();
+      shared = new Stack((why) => skip(why));
+      times += 1;
+      failed = false;
+    }
+    skip = (why) => context.skip(why);
+    stack = new Stack(skip);
     pages = [];
     const ofThisTest = stack;
-    // with the reason, which is not reported for a test that passes on a retry
-    context.onTestFailed(({ task }) =>
-      console.error(task.result?.errors?.at(-1)?.stack, ofThisTest.logs, shared.logs),
-    );
+    context.onTestFailed(({ task }) => {
+      failed = true;
+      // with the reason, which is not reported for a test that passes on a retry
+      console.error(task.result?.errors?.at(-1)?.stack, ofThisTest.logs, shared.logs);
+    });
   });
 
   afterEach(async () => {
-    const errors = pages.flatMap((page) => page.errors);
-    const foreign = pages.flatMap((page) => page.foreign);
+    const seen = [...pages, ...sharedPages];
+    const errors = seen.flatMap((page) => page.errors);
+    const foreign = seen.flatMap((page) => page.foreign);
     try {
       for (const page of pages) await page.close();
     } finally {
@@ -96,11 +131,9 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
     expect(foreign, 'requests to another origin').toEqual([]);
   });
 
-  afterAll(async () => {
-    await shared.down();
-  });
+  afterAll(endShared);
 
-  return {
+  const stage: Stage = {
     get stack() {
       return stack;
     },
@@ -113,18 +146,23 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
       if (why !== undefined) context.skip(why);
     },
     async newPage(pageOptions = {}) {
-      const preload = `${KEEP_3D};${paints ? '' : UNPAINTED};${pageOptions.preload ?? ''}`;
-      const page = await this.browser.newPage({ ...pageOptions, preload });
-      if (!paints) page.screenshot = async () => undefined; // it would have no body
+      const page = await openPage(pageOptions);
       pages.push(page);
       return page;
     },
     share(start) {
       let started: ReturnType<typeof start> | null = null;
+      let startedAt = times;
       return () => {
-        started ??= start(shared);
+        if (startedAt !== times) started = null;
+        startedAt = times;
+        started ??= start(shared, openShared).catch((error: unknown) => {
+          started = null; // so that the next test is skipped, or tries it, by itself
+          throw error;
+        });
         return started;
       };
     },
   };
+  return stage;
 }
