@@ -41,8 +41,8 @@ const SRC = path.resolve(import.meta.dirname, '../src');
 
 /** Every source file with its imports: files as paths below `src/`, packages by name. Types and lazy imports count. */
 function importGraph(): Map<string, string[]> {
-  const files = readdirSync(SRC, { recursive: true, encoding: 'utf8' }).filter(
-    (file) => /\.tsx?$/.test(file) && !/(\.test|samples?)\.ts$/.test(file),
+  const files = readdirSync(SRC, { recursive: true, encoding: 'utf8' }).filter((file) =>
+    /\.tsx?$/.test(file),
   );
   return new Map(
     files.map((file) => {
