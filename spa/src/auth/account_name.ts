@@ -1,5 +1,5 @@
 import { writeStored } from '../browser/storage.ts';
-import { createStore } from '../browser/store.ts';
+import { createStore } from '../kit.ts';
 import { ACCOUNT } from '../relay/relay.ts';
 
 /** The name of the signed-in account, or null. Kept in this browser, so that the page knows at its next visit whether

@@ -1,4 +1,4 @@
-import { createStore } from '../browser/store.ts';
+import { createStore } from '../kit.ts';
 
 /**
  * Requests for data. Before the page's own origin there may be a proxy that people sign in to: with a cookie (oauth2-proxy,

@@ -1,4 +1,4 @@
-import { createStore } from '../browser/store.ts';
+import { createStore } from '../kit.ts';
 
 /** The tokens of this page: that of the share link that opened it (for one robot), and that of the signed-in account. Tokens are
  *  never put into an address. */

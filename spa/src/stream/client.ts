@@ -1,6 +1,7 @@
 import { Close, revived } from '@posecast/wire';
 import { request, signInNeeded } from '../auth/request.ts';
 import { onAccountToken, tokenFor } from '../auth/token.ts';
+import { Emitter } from '../kit.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 import { countSleep, nowMs } from './clock.ts';
 import { takeStream } from './early_stream.ts';
@@ -66,7 +67,7 @@ export class StreamClient {
   readonly #twin: RobotTwin;
   readonly #url: string;
   readonly #worker: Worker;
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   readonly #leave = new AbortController();
   #seen = true;
   #resting = false;
@@ -106,10 +107,7 @@ export class StreamClient {
     window.addEventListener('pageshow', (event) => event.persisted && wake(), { signal });
   }
 
-  readonly onChange = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onChange = this.#changed.on;
 
   /** Reconnects now instead of waiting for the next retry. `isAsked`: the viewer asked for it. */
   wake(isAsked = false): void {
@@ -237,6 +235,6 @@ export class StreamClient {
 
   #set(changed: Partial<Link>): void {
     this.link = { ...this.link, ...changed };
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 }

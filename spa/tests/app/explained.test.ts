@@ -6,10 +6,10 @@ import { explainedBy } from '../../src/app/explain/catalogue.ts';
 import en from '../../src/app/explain/en.json';
 import ko from '../../src/app/explain/ko.json';
 import { createTerm, createUnit } from '../../src/app/explain/term.ts';
+import formatSource from '../../src/twin/format.ts?raw';
 import { NUMBERS } from '../../src/twin/joints.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { SCHEMA_TEXT } from '../rigs/schema.ts';
-import formatSource from '../src/twin/format.ts?raw';
 
 afterEach(() => document.body.replaceChildren());
 

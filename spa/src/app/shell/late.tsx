@@ -3,7 +3,7 @@ import { signInNeeded } from '../../auth/request.ts';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
-import { createStore } from '../../browser/store.ts';
+import { createStore } from '../../kit.ts';
 import { useStore } from '../state/use_store.ts';
 import { useText } from '../text/language.ts';
 

@@ -1,5 +1,5 @@
 import { readStored, writeStored } from '../../browser/storage.ts';
-import { createStore } from '../../browser/store.ts';
+import { createStore } from '../../kit.ts';
 import type { AngleUnit } from '../../twin/format.ts';
 import type { LoadField } from '../../twin/sensors/load.ts';
 import type { FollowMode } from '../../view/body_view.ts';

@@ -1,4 +1,5 @@
 import type { EventMessage } from '@posecast/wire';
+import { Emitter } from '../../kit.ts';
 import type { Recorded } from '../../twin/liveness.ts';
 import type { PastSource } from '../past_source.ts';
 import type { PastNote, PastSink, Playhead, Span, Timeline } from '../past_types.ts';
@@ -54,7 +55,7 @@ export class PlayheadState {
   visited = { goesMs: 0, atMs: Number.NEGATIVE_INFINITY, act: 0 };
   readonly #ports: PastPorts;
   readonly #notes = new PastNotes();
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   /** The relay's clock minus the page's. */
   #aheadMs = Number.NEGATIVE_INFINITY;
   #playhead: Playhead;
@@ -189,10 +190,7 @@ export class PlayheadState {
     else this.wait(pending);
   }
 
-  readonly onChange = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onChange = this.#changed.on;
 
   /** Calls the listeners if something has changed, or if `always`; while only the moment advances, every `CHANGE_EVERY_MS`. */
   publish(always = false): void {
@@ -204,12 +202,12 @@ export class PlayheadState {
     }
     this.#changedMs = nowMs;
     this.#playhead = now;
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 
   close(): void {
     this.isPast = false;
-    this.#listeners.clear();
+    this.#changed.clear();
   }
 
   #show(momentMs: number): void {

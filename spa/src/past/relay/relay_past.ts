@@ -8,6 +8,7 @@ import {
   type Segment,
   SegmentError,
 } from '@posecast/wire';
+import { Emitter } from '../../kit.ts';
 import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
 import type { Span, Timeline } from '../past_types.ts';
 import { BoundedCache } from './bounded_cache.ts';
@@ -71,7 +72,7 @@ export class RelayPast implements PastSource {
   readonly #segments = new BoundedCache<string, Segment>(SEGMENTS_KEPT_BYTES);
   readonly #keys = new BoundedCache<number, KeysOfPage>(KEYS_KEPT_BYTES);
   readonly #schemas = new BoundedCache<string, Schema>(SCHEMAS_KEPT);
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   #isNear = false;
   #isAsking = false;
   #isClosed = false;
@@ -94,10 +95,7 @@ export class RelayPast implements PastSource {
     return this.#index.timeline;
   }
 
-  readonly onChange = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onChange = this.#changed.on;
 
   follow(how: 'idle' | 'near'): void {
     const isNearer = how === 'near' && !this.#isNear;
@@ -169,7 +167,7 @@ export class RelayPast implements PastSource {
     this.#isClosed = true;
     this.#stopTicking();
     this.#shared.close();
-    this.#listeners.clear();
+    this.#changed.clear();
   }
 
   #tick(): void {
@@ -368,7 +366,7 @@ export class RelayPast implements PastSource {
     const { timeline } = this;
     if (timeline === this.#told) return;
     this.#told = timeline;
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 }
 

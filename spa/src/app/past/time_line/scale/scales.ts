@@ -1,4 +1,4 @@
-import { storePer } from '../../../../browser/store.ts';
+import { storePer } from '../../../../kit.ts';
 import type { PastControls } from '../../../../past/past_types.ts';
 
 const MINUTE_MS = 60_000;
