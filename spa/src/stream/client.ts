@@ -1,7 +1,7 @@
 import { Close, revived } from '@posecast/wire';
-import { request, signInNeeded } from '../auth/request.ts';
-import { onAccountToken, tokenFor } from '../auth/token.ts';
 import { Emitter } from '../kit.ts';
+import { request, signInNeeded } from '../relay/request.ts';
+import { onAccountToken, tokenFor } from '../relay/token.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 import { countSleep, nowMs } from './clock.ts';
 import { takeStream } from './early_stream.ts';

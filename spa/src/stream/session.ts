@@ -7,14 +7,14 @@ import {
   type ViewerMessage,
 } from '@posecast/wire';
 import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
+import { Acknowledgements } from './acknowledgements.ts';
+import { retryDelayMs, WAIT_S } from './backoff.ts';
 import { FrameReader } from './frame_reader.ts';
+import { type Delay, Lateness, lowerHz, Silence } from './lateness.ts';
 import type { Action, Ending, FromStream, Phase } from './messages.ts';
-import { Acknowledgements } from './pacing/acknowledgements.ts';
-import { retryDelayMs, WAIT_S } from './pacing/backoff.ts';
-import { type Delay, Lateness, lowerHz, Silence } from './pacing/lateness.ts';
-import { RateWish } from './pacing/rate_wish.ts';
-import { RoundTrip } from './pacing/round_trip.ts';
+import { RateWish } from './rate_wish.ts';
 import { helloPosts, ratePost } from './relay_posts.ts';
+import { RoundTrip } from './round_trip.ts';
 import { pingAddress, streamAddress } from './stream_address.ts';
 import { type Transport, TransportChoice } from './transport.ts';
 

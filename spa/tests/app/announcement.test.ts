@@ -1,6 +1,6 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { announcement } from '../../src/app/status/announcement.ts';
+import { announcement } from '../../src/app/robot/announcement.ts';
 import type { Fault } from '../../src/twin/alarms/fault_log.ts';
 import { ValueLimits } from '../../src/twin/limits/limits.ts';
 import { OverlayReader } from '../../src/twin/overlay/reader.ts';

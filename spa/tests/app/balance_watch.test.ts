@@ -6,7 +6,7 @@ import { spokenStance } from '../../src/app/balance/Stood.tsx';
 import { onOwnAlarms, ownAlarms } from '../../src/app/state/own_alarms.ts';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
-import { lacksOf } from '../../src/twin/balance/told/lacks.ts';
+import { lacksOf } from '../../src/twin/balance/lacks.ts';
 import { History } from '../../src/twin/plots/history.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { type BalanceCase, readBalanceCases } from '../rigs/balance_vectors.ts';

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { expect, test } from 'vitest';
-import { cameraKeys, closeTo } from '../../src/app/body/controls/camera_controls.ts';
+import { cameraKeys, closeTo } from '../../src/app/robot/camera_controls.ts';
 import type { KeyAction } from '../../src/app/shell/page_keys.ts';
 
 /** A view that records its calls. */

@@ -6,7 +6,7 @@ import type { RobotLink } from '../../src/app/state/robot_link.ts';
 import { selection, selectJoint } from '../../src/app/state/selection.ts';
 import { settings } from '../../src/app/state/settings.ts';
 import type { PastControls } from '../../src/past/past_types.ts';
-import type { BodyView } from '../../src/view/body_view.ts';
+import type { BodyView } from '../../src/scene/figure/body_view.ts';
 
 const COURSE = 'https://course.example';
 const LIVE = { robot: 'demo', word: 'LIVE', cause: null, age_ms: 12, moment_ms: null };

@@ -1,8 +1,8 @@
 import { ENDINGS, retryOf } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { endingWords } from '../../src/app/status/words.ts';
 import { en } from '../../src/app/text/en.ts';
 import { ko } from '../../src/app/text/ko.ts';
+import { endingWords } from '../../src/app/words/status.ts';
 import { opened, Rig } from '../rigs/session_rig.ts';
 
 describe('endings', () => {

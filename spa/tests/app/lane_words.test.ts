@@ -1,12 +1,12 @@
 import { describe, expect, it } from 'vitest';
 import english from '../../src/app/explain/en.json';
 import hangul from '../../src/app/explain/ko.json';
+import { announcement } from '../../src/app/robot/announcement.ts';
 import { sharedLink } from '../../src/app/share/ShareSheet.tsx';
-import { announcement } from '../../src/app/status/announcement.ts';
-import { explanationWords } from '../../src/app/status/explanation_words.ts';
-import { behindWords, chipWords, stageWords } from '../../src/app/status/words.ts';
 import { ko } from '../../src/app/text/ko.ts';
 import { moreKo } from '../../src/app/text/more_ko.ts';
+import { explanationWords } from '../../src/app/words/explanation_words.ts';
+import { behindWords, chipWords, stageWords } from '../../src/app/words/status.ts';
 import { type Link, steadyBehindMs } from '../../src/stream/client.ts';
 import type { Verdict } from '../../src/twin/liveness.ts';
 

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { expect, it } from 'vitest';
-import { createElement } from '../../src/app/numbers/grid/cells.ts';
 import { NameColumn } from '../../src/app/numbers/table/name_column.ts';
+import { createElement } from '../../src/app/shell/cells.ts';
 
 const LABELS = ['left_hip_pitch_joint', 'left_hip_roll_joint', 'left_knee_joint'];
 

@@ -1,6 +1,6 @@
 import { expect, it, vi } from 'vitest';
 import { PastWatch } from '../../src/app/past/past_watch.ts';
-import { stageWords } from '../../src/app/status/words.ts';
+import { stageWords } from '../../src/app/words/status.ts';
 import type { PastNote } from '../../src/past/past_types.ts';
 import type { Link } from '../../src/stream/client.ts';
 import { isOld } from '../../src/twin/liveness.ts';

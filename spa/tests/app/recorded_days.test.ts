@@ -7,7 +7,7 @@ import {
   nearestRecorded,
   unknownOf,
 } from '../../src/app/past/time_line/jump/recorded_days.ts';
-import { ALL, arrowMs, scaleFor, scaleIn, scalesOf } from '../../src/app/past/time_line/scale/scales.ts';
+import { ALL, arrowMs, scaleFor, scaleIn, scalesOf } from '../../src/app/past/time_line/scales.ts';
 import type { PastEvent, Timeline } from '../../src/past/past_types.ts';
 import { timelineOf } from '../rigs/past_fake.ts';
 

@@ -1,15 +1,15 @@
 import { describe, expect, it } from 'vitest';
-import { noteMarks, noteShownAt, noteWords, TOGETHER_PX } from '../../src/app/pages/recording/notes/notes.ts';
+import { noteMarks, noteShownAt, noteWords, TOGETHER_PX } from '../../src/app/pages/recording/notes.ts';
 import {
   lengthWords,
   lostWords,
   recordedAs,
   unreadableWords,
-} from '../../src/app/pages/recording/words/recording_words.ts';
+} from '../../src/app/pages/recording/recording_words.ts';
 import { PastWatch } from '../../src/app/past/past_watch.ts';
 import { spokenOf } from '../../src/app/past/time_line/spoken.ts';
 import { preciseWords } from '../../src/app/past/time_line/TransportBar.tsx';
-import { chipWords, stageWords } from '../../src/app/status/words.ts';
+import { chipWords, stageWords } from '../../src/app/words/status.ts';
 import { PastError } from '../../src/past/past_source.ts';
 import type { Playhead } from '../../src/past/past_types.ts';
 import { IndexError } from '../../src/past/recording/recording_index.ts';

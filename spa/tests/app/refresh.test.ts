@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { refreshWith } from '../../src/app/numbers/grid/refresh.ts';
+import { refreshWith } from '../../src/app/shell/refresh.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { codesWith, SCHEMA } from '../rigs/schema.ts';
 

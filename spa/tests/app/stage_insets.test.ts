@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { afterEach, expect, it } from 'vitest';
-import { bindInsets } from '../../src/app/body/controls/camera_controls.ts';
-import type { Insets } from '../../src/view/camera/insets.ts';
+import { bindInsets } from '../../src/app/robot/camera_controls.ts';
+import type { Insets } from '../../src/scene/camera/insets.ts';
 
 /** A stage of 300 px; the elements over it by class, with their range below its top edge. */
 function stage(parts: Readonly<Record<string, readonly [number, number]>>): HTMLElement {

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeAll, describe, expect, it, vi } from 'vitest';
-import { halfPx, listTicks, roundTimes } from '../../src/app/past/time_line/scale/ticks.ts';
+import { halfPx, listTicks, roundTimes } from '../../src/app/past/time_line/ticks.ts';
 import { msAt, pxAt } from '../../src/app/past/time_line/track_view.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
 import { bindLanguage, languageTag } from '../../src/app/text/language.ts';

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import { markNear } from '../../src/app/past/time_line/marks.ts';
 import { goingOn, movementPath, runsOf } from '../../src/app/past/time_line/movement.ts';
-import { ALL } from '../../src/app/past/time_line/scale/scales.ts';
+import { ALL } from '../../src/app/past/time_line/scales.ts';
 import { whatWords } from '../../src/app/past/time_line/Tip.tsx';
 import { drawnMarks, drawnWords } from '../../src/app/past/time_line/TrackPicture.tsx';
 import { msAt, pxAt, shownSpan } from '../../src/app/past/time_line/track_view.ts';

@@ -1,6 +1,6 @@
 import { afterEach, expect, test, vi } from 'vitest';
 import { BundleError, fileUrl, parseManifest } from '../../src/model/bundle.ts';
-import { Download, readRawManifest } from '../../src/three/robot/raw_bundle.ts';
+import { Download, readRawManifest } from '../../src/scene/three/raw_bundle.ts';
 
 const URDF = { path: 'robot.urdf', uri: 'robot.urdf', size: 10, sha256: '00', type: 'application/xml' };
 

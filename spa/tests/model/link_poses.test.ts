@@ -1,11 +1,11 @@
 import { readFileSync } from 'node:fs';
 import { parseSchema } from '@posecast/wire';
 import { expect, it } from 'vitest';
-import { LIGHT_COLORS } from '../../src/canvas2d/colors.ts';
-import { LightRobot } from '../../src/canvas2d/robot.ts';
-import { LightRobotNode } from '../../src/canvas2d/robot_node.ts';
 import { transform } from '../../src/model/kinematics.ts';
 import { readManifest } from '../../src/model/manifest.ts';
+import { LIGHT_COLORS } from '../../src/scene/canvas2d/colors.ts';
+import { LightRobot } from '../../src/scene/canvas2d/robot.ts';
+import { LightRobotNode } from '../../src/scene/canvas2d/robot_node.ts';
 import { Player } from '../../src/twin/playback/player.ts';
 
 type Seven = [number, number, number, number, number, number, number];

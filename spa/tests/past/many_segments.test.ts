@@ -1,7 +1,7 @@
 /** Many short segments, as no recorder makes them: what they cost grows with what is near the shown moment, not with all. */
 
 import { describe, expect, it, vi } from 'vitest';
-import { recordedAs } from '../../src/app/pages/recording/words/recording_words.ts';
+import { recordedAs } from '../../src/app/pages/recording/recording_words.ts';
 import { PastError, type SegmentRef } from '../../src/past/past_source.ts';
 import { Coming } from '../../src/past/player/coming.ts';
 import type { RecordingFiles } from '../../src/past/recording/recording_files.ts';

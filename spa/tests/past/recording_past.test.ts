@@ -1,6 +1,6 @@
 import { encodeSegment, keyPagePath, type Segment, segmentPath } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { recordedAs } from '../../src/app/pages/recording/words/recording_words.ts';
+import { recordedAs } from '../../src/app/pages/recording/recording_words.ts';
 import { type IndexError, readIndex } from '../../src/past/recording/recording_index.ts';
 import type { RecordingPast } from '../../src/past/recording/recording_past.ts';
 import { Rig } from '../rigs/past_player_rig.ts';

@@ -13,10 +13,10 @@ async function opened(search: string, config: object) {
   vi.stubGlobal('location', { search });
   vi.stubGlobal('fetch', async () => ({ ok: true, json: async () => config }));
   const [lane, token, addresses, settled] = await Promise.all([
-    import('../../src/auth/lane.ts'),
-    import('../../src/auth/token.ts'),
+    import('../../src/relay/lane.ts'),
+    import('../../src/relay/token.ts'),
     import('../../src/relay/addresses.ts'),
-    import('../../src/auth/settled.ts'),
+    import('../../src/relay/settled.ts'),
   ]);
   await settled.accessSettled();
   return { ...lane, ...token, ...addresses };

@@ -1,8 +1,8 @@
 import { readdirSync, readFileSync } from 'node:fs';
 import path from 'node:path';
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
-import { chipWords, stageWords } from '../../src/app/status/words.ts';
-import { request, SignInNeeded, signInNeeded } from '../../src/auth/request.ts';
+import { chipWords, stageWords } from '../../src/app/words/status.ts';
+import { request, SignInNeeded, signInNeeded } from '../../src/relay/request.ts';
 import { StreamClient } from '../../src/stream/client.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 
@@ -177,9 +177,9 @@ describe('every request of the page', () => {
     expect(having(/(?<![.\w#])fetch\((?!\)|\w+: )/).sort()).toEqual([
       'app/share/ShareSheet.tsx',
       'app/shell/reload.ts',
-      'auth/request.ts',
       'browser/retry.ts',
       'relay/relay.ts',
+      'relay/request.ts',
       'stream/lane/open_lane.ts', // of the worker, for which `StreamClient` asks
       'stream/sse.ts',
     ]);

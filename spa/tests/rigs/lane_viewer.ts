@@ -1,8 +1,8 @@
-import { ToldFaults } from '../../src/stream/handover/told_faults.ts';
 import { Lane } from '../../src/stream/lane/lane.ts';
 import type { LaneAction } from '../../src/stream/lane/lane_action.ts';
 import type { KnownBefore } from '../../src/stream/lane_port.ts';
 import type { FromStream } from '../../src/stream/messages.ts';
+import { ToldFaults } from '../../src/stream/told_faults.ts';
 import { judge, type Verdict } from '../../src/twin/liveness.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { LANE_SCHEMA, type LaneRelay, type Span } from './lane_relay.ts';

@@ -1,7 +1,7 @@
 import { Color } from 'three';
 import type { Manifest } from '../../src/model/manifest.ts';
-import { SkinnedRobot } from '../../src/three/robot/skinned_robot.ts';
-import { StaleEffect } from '../../src/three/robot/stale_effect.ts';
+import { SkinnedRobot } from '../../src/scene/three/skinned_robot.ts';
+import { StaleEffect } from '../../src/scene/three/stale_effect.ts';
 
 const WHOLE = { xyz: [0, 0, 0], quat: [1, 0, 0, 0], limits: null, mimic: null } as const;
 

@@ -1,6 +1,6 @@
 import fc from 'fast-check';
 import { describe, expect, it } from 'vitest';
-import { Lateness, lowerHz, Silence } from '../../src/stream/pacing/lateness.ts';
+import { Lateness, lowerHz, Silence } from '../../src/stream/lateness.ts';
 
 it('is how much later than the quickest of its connection something came, by two clocks that share nothing', () => {
   const lateness = new Lateness();

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { Overlap } from '../../src/stream/handover/overlap.ts';
+import { Overlap } from '../../src/stream/overlap.ts';
 
 it('passes over what was shown before, until something else comes', () => {
   const overlap = new Overlap();

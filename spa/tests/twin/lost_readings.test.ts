@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { unreadWords } from '../../src/app/body/words.ts';
+import { unreadWords } from '../../src/app/robot/words.ts';
 import { LostReadings } from '../../src/twin/sensors/lost_readings.ts';
 import { codesWith, SCHEMA } from '../rigs/schema.ts';
 

@@ -1,9 +1,9 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { missingWords, unreadWords } from '../../src/app/body/words.ts';
 import { readRobots } from '../../src/app/pages/list/robots.ts';
-import { announcement } from '../../src/app/status/announcement.ts';
-import { problemWords } from '../../src/app/status/words.ts';
+import { announcement } from '../../src/app/robot/announcement.ts';
+import { missingWords, unreadWords } from '../../src/app/robot/words.ts';
+import { problemWords } from '../../src/app/words/status.ts';
 import { displayOf, flagWords } from '../../src/twin/format.ts';
 import { isolated, plainName } from '../../src/twin/names.ts';
 import { traceReading } from '../../src/twin/plots/trace.ts';

@@ -1,5 +1,5 @@
 import type { Balance } from '../../twin/balance/balance.ts';
-import { MARGIN } from '../../twin/balance/told/margin_channel.ts';
+import { MARGIN } from '../../twin/balance/margin_channel.ts';
 import type { BalanceText } from '../text/balance.ts';
 
 /** A balance number that can be listed and plotted. */

@@ -1,4 +1,4 @@
-import type { Stance } from '../../twin/balance/told/stance.ts';
+import type { Stance } from '../../twin/balance/stance.ts';
 import { type BalanceText, balanceText } from '../text/balance.ts';
 
 /** The sentence about a stance; it says if the stance is assumed. `was`: the pose is from the past or out of date. '' if nothing

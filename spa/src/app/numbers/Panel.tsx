@@ -1,16 +1,16 @@
 import { type KeyboardEvent, useEffect, useLayoutEffect, useRef } from 'react';
+import { createElement } from '../shell/cells.ts';
 import { late } from '../shell/late.tsx';
 import { ROOM_FOR_BOTH, useMedia } from '../shell/media.ts';
+import { refreshWith } from '../shell/refresh.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { onSelection, selection, useSelectedJoint } from '../state/selection.ts';
 import { useTraces } from '../state/traces.ts';
 import { onLanguage, say, useText } from '../text/language.ts';
 import { FaultLine } from './alarms/FaultLine.tsx';
-import { createElement } from './grid/cells.ts';
-import { refreshWith } from './grid/refresh.ts';
-import { carryValues } from './grid/value_drag.ts';
 import { JointView, type TableSources } from './table/joint_view.ts';
 import { TableTools } from './table/TableTools.tsx';
+import { carryValues } from './value_drag.ts';
 import './numbers.css';
 import './table/joints.css';
 

@@ -1,9 +1,10 @@
 import { type ReactNode, useEffect, useLayoutEffect, useRef, useState } from 'react';
 import { isThen } from '../../twin/liveness.ts';
-import { Body } from '../body/Body.tsx';
 import type { Tab } from '../numbers/Panel.tsx';
 import { PastBelowBody } from '../past/PastBelowBody.tsx';
 import { missedMoment, useMomentNamed, usePast, useShown } from '../past/use_past.ts';
+import { Body } from '../robot/Body.tsx';
+import { Chip } from '../robot/Chip.tsx';
 import { Divider } from '../shell/Divider.tsx';
 import { showLink } from '../shell/debug_api.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
@@ -23,13 +24,12 @@ import {
 } from '../state/robot_link.ts';
 import { onSelection, selection } from '../state/selection.ts';
 import { changeSettings, useSettings } from '../state/settings.ts';
-import { Chip } from '../status/Chip.tsx';
-import { behindWords } from '../status/words.ts';
 import { say, useText } from '../text/language.ts';
+import { behindWords } from '../words/status.ts';
 import { useFullscreen } from './fullscreen.ts';
 
 const Panel = late(async () => (await import('../numbers/Panel.tsx')).Panel);
-const Announcer = lateAfterBody(async () => (await import('../status/Announcer.tsx')).Announcer);
+const Announcer = lateAfterBody(async () => (await import('../robot/Announcer.tsx')).Announcer);
 const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);

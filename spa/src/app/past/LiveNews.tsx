@@ -5,9 +5,9 @@ import { isolated } from '../../twin/names.ts';
 import { useNow } from '../shell/now.ts';
 import { useFaults } from '../state/fault_keeper.ts';
 import type { RobotLink } from '../state/robot_link.ts';
-import { faultSentence } from '../status/fault_sentence.ts';
 import { useMore } from '../text/more.ts';
 import { usePastText } from '../text/past.ts';
+import { faultSentence } from '../words/fault_sentence.ts';
 
 /** Says that a new fault occurred while the past is shown, with a link to it. */
 export function LiveNews({ live, controls }: { live: RobotLink; controls: PastControls }) {

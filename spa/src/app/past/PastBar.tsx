@@ -1,7 +1,7 @@
 import { useCallback, useState, useSyncExternalStore } from 'react';
-import { manifestUrl } from '../../auth/lane.ts';
 import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls } from '../../past/past_types.ts';
+import { manifestUrl } from '../../relay/lane.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { late, onDemand } from '../shell/late.tsx';
 import { usePageKeys } from '../shell/page_keys.ts';

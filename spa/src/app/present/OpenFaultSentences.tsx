@@ -1,9 +1,9 @@
 import { useNow } from '../shell/now.ts';
 import { useFaults } from '../state/fault_keeper.ts';
 import type { RobotLink } from '../state/robot_link.ts';
-import { faultSentence } from '../status/fault_sentence.ts';
 import { useMore } from '../text/more.ts';
 import { usePresentText } from '../text/present.ts';
+import { faultSentence } from '../words/fault_sentence.ts';
 
 const MOST = 3;
 

@@ -1,4 +1,4 @@
-import '../styles/sheet.css';
+import './styles/sheet.css';
 import { type PointerEvent, type ReactNode, useRef, useState } from 'react';
 import { say } from '../text/language.ts';
 import { heightPx, nextHeight, restingHeight, type SheetHeight } from './sheet_heights.ts';

@@ -1,9 +1,9 @@
 import { type ComponentType, useEffect, useSyncExternalStore } from 'react';
-import { signInNeeded } from '../../auth/request.ts';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import { createStore } from '../../kit.ts';
+import { signInNeeded } from '../../relay/request.ts';
 import { useStore } from '../state/use_store.ts';
 import { useText } from '../text/language.ts';
 

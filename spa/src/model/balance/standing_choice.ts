@@ -1,8 +1,8 @@
 import { type BalanceRule, readBalance, type Schema } from '@posecast/wire';
 import type { BalanceGap } from '../../twin/balance/balance.ts';
 import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
+import { toldOfMasses } from '../../twin/balance/mass_findings.ts';
 import type { Foot, FootSensor, SolePlane, Standing } from '../../twin/balance/standing.ts';
-import { toldOfMasses } from '../../twin/balance/told/mass_findings.ts';
 import { quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
 import { Kinematics } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';

@@ -1,7 +1,7 @@
 import type { Segment } from '@posecast/wire';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
-import { RateMeter } from '../pacing/rate_meter.ts';
+import { RateMeter } from '../rate_meter.ts';
 import { type LaneAnswer, type PartName, readBeginning, readNext } from './answers.ts';
 import { EndOfPast } from './end_of_past.ts';
 import type { LaneAction } from './lane_action.ts';

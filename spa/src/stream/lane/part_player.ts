@@ -1,8 +1,8 @@
 import type { EventMessage, RobotStatus, Segment, SegmentRecord, SegmentStart } from '@posecast/wire';
-import { missedEnds } from '../handover/missed_ends.ts';
-import { ToldFaults } from '../handover/told_faults.ts';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
+import { missedEnds } from '../missed_ends.ts';
+import { ToldFaults } from '../told_faults.ts';
 import type { Missing } from './missed_events.ts';
 import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
+import { CameraRig } from '../../../src/scene/camera/camera_rig.ts';
+import type { RigOptions } from '../../../src/scene/camera/rig_options.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
-import { CameraRig } from '../../../src/view/camera/camera_rig.ts';
-import type { RigOptions } from '../../../src/view/camera/rig_options.ts';
 
 const [WIDTH, HEIGHT] = [800, 600];
 

@@ -1,8 +1,8 @@
 import { describe, expect, it } from 'vitest';
 import { transform } from '../../../src/model/kinematics.ts';
+import type { PlacedBox } from '../../../src/scene/camera/body_span.ts';
+import { clearDirection, type Sight } from '../../../src/scene/camera/clear_direction.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
-import type { PlacedBox } from '../../../src/view/camera/body_span.ts';
-import { clearDirection, type Sight } from '../../../src/view/camera/clear_direction.ts';
 
 const RADIANS = Math.PI / 180;
 

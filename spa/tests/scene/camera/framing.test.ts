@@ -2,9 +2,9 @@
 import { Vector3 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { extentOf } from '../../../src/model/bounds.ts';
-import { SceneCamera } from '../../../src/three/camera.ts';
-import { directionOf, FIELD_OF_VIEW, fittingDistance, VIEWS } from '../../../src/view/camera/framing.ts';
-import { homeEye } from '../../../src/view/stick_figure.ts';
+import { directionOf, FIELD_OF_VIEW, fittingDistance, VIEWS } from '../../../src/scene/camera/framing.ts';
+import { homeEye } from '../../../src/scene/figure/stick_figure.ts';
+import { SceneCamera } from '../../../src/scene/three/camera.ts';
 
 describe('the first view', () => {
   it('has all of the robot in the picture, wide or upright', () => {

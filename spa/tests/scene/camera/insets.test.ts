@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { ViewInsets } from '../../../src/view/camera/insets.ts';
+import { ViewInsets } from '../../../src/scene/camera/insets.ts';
 
 function area(): ViewInsets {
   const made = new ViewInsets();

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import { transform } from '../../../src/model/kinematics.ts';
-import type { PlacedBox } from '../../../src/view/camera/body_span.ts';
-import { CameraRig } from '../../../src/view/camera/camera_rig.ts';
+import type { PlacedBox } from '../../../src/scene/camera/body_span.ts';
+import { CameraRig } from '../../../src/scene/camera/camera_rig.ts';
 
 const HAND = [0, 0.35, 0.8] as const;
 const FOOT = [0.1, -0.1, 0.1] as const;

@@ -1,9 +1,9 @@
 import { describe, expect, it } from 'vitest';
 import { cornersOf, type LinkBox } from '../../../src/model/bounds.ts';
 import { transform } from '../../../src/model/kinematics.ts';
+import { type PlacedBox, spanOf } from '../../../src/scene/camera/body_span.ts';
+import { CameraRig } from '../../../src/scene/camera/camera_rig.ts';
 import type { Quat, Vec3 } from '../../../src/twin/rotation.ts';
-import { type PlacedBox, spanOf } from '../../../src/view/camera/body_span.ts';
-import { CameraRig } from '../../../src/view/camera/camera_rig.ts';
 
 /** Pictures as on a phone, a laptop and a wide screen. */
 const PICTURES = [

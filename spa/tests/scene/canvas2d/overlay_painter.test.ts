@@ -1,9 +1,9 @@
 import { expect, it } from 'vitest';
-import type { FloorView } from '../../../src/canvas2d/floor.ts';
-import { paintStrokes } from '../../../src/canvas2d/overlay_painter.ts';
-import { Strokes } from '../../../src/overlays/strokes.ts';
+import { CameraRig } from '../../../src/scene/camera/camera_rig.ts';
+import type { FloorView } from '../../../src/scene/canvas2d/floor.ts';
+import { paintStrokes } from '../../../src/scene/canvas2d/overlay_painter.ts';
+import { Strokes } from '../../../src/scene/signs/strokes.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
-import { CameraRig } from '../../../src/view/camera/camera_rig.ts';
 
 /** The fills and strokes in order: colour, and the points of the path. */
 function recorder() {

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { type Corners, Rasterizer, SHADES } from '../../../src/canvas2d/rasterizer.ts';
+import { type Corners, Rasterizer, SHADES } from '../../../src/scene/canvas2d/rasterizer.ts';
 
 const RED = 0xff0000ff;
 const BLUE = 0xffff0000;

@@ -1,14 +1,14 @@
 import { beforeAll, describe, expect, it } from 'vitest';
-import { LIGHT_COLORS } from '../../../src/canvas2d/colors.ts';
-import { Rasterizer } from '../../../src/canvas2d/rasterizer.ts';
-import { LightRobot } from '../../../src/canvas2d/robot.ts';
-import { LightRobotNode } from '../../../src/canvas2d/robot_node.ts';
 import { lowestZ } from '../../../src/model/bounds.ts';
 import { type Lod, readLod } from '../../../src/model/lod.ts';
 import { type Manifest, readManifest } from '../../../src/model/manifest.ts';
+import { CameraRig } from '../../../src/scene/camera/camera_rig.ts';
+import { LIGHT_COLORS } from '../../../src/scene/canvas2d/colors.ts';
+import { Rasterizer } from '../../../src/scene/canvas2d/rasterizer.ts';
+import { LightRobot } from '../../../src/scene/canvas2d/robot.ts';
+import { LightRobotNode } from '../../../src/scene/canvas2d/robot_node.ts';
 import type { Pose } from '../../../src/twin/playback/pose.ts';
 import { IDENTITY, type Quat, quatOfRpy } from '../../../src/twin/rotation.ts';
-import { CameraRig } from '../../../src/view/camera/camera_rig.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../../rigs/model_samples.ts';
 
 /** An arm of two boxes, one beside the other: red, then blue, the second on a joint about z. */

@@ -1,10 +1,10 @@
 // @vitest-environment happy-dom
 import { createHash } from 'node:crypto';
 import { beforeEach, expect, it, vi } from 'vitest';
-import { LIGHT_COLORS } from '../../../src/canvas2d/colors.ts';
-import { LightRobotNode } from '../../../src/canvas2d/robot_node.ts';
+import { LIGHT_COLORS } from '../../../src/scene/canvas2d/colors.ts';
+import { LightRobotNode } from '../../../src/scene/canvas2d/robot_node.ts';
+import type { PoseSource } from '../../../src/scene/figure/body_view.ts';
 import type { Pose } from '../../../src/twin/playback/pose.ts';
-import type { PoseSource } from '../../../src/view/body_view.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../../rigs/model_samples.ts';
 
 const ARM: SampleModel = {

@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { AdaptiveQuality, type DrawingTrouble } from '../../../src/view/adaptive_quality.ts';
-import { PATIENCE_MS } from '../../../src/view/context_loss.ts';
-import { HOPELESS_MS, type QualityStep } from '../../../src/view/quality_steps.ts';
+import { AdaptiveQuality, type DrawingTrouble } from '../../../src/scene/figure/adaptive_quality.ts';
+import { PATIENCE_MS } from '../../../src/scene/figure/context_loss.ts';
+import { HOPELESS_MS, type QualityStep } from '../../../src/scene/figure/quality_steps.ts';
 
 beforeEach(() => {
   vi.useFakeTimers();

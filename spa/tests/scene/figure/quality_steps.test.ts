@@ -8,7 +8,7 @@ import {
   SLOW_MS,
   STEPS,
   WINDOW,
-} from '../../../src/view/quality_steps.ts';
+} from '../../../src/scene/figure/quality_steps.ts';
 
 const DOWN = STEPS.at(-1)!;
 

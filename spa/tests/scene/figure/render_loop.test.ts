@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { RenderLoop } from '../../../src/view/render_loop.ts';
+import { RenderLoop } from '../../../src/scene/figure/render_loop.ts';
 
 /** A screen whose repaints are triggered by the test. */
 class Screen {

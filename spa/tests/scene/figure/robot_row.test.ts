@@ -1,6 +1,6 @@
 import { expect, it } from 'vitest';
 import type { LinkBox } from '../../../src/model/bounds.ts';
-import { RobotRow } from '../../../src/view/robot_row.ts';
+import { RobotRow } from '../../../src/scene/figure/robot_row.ts';
 
 /** A robot of this width and height, with its root in the middle of its floor; null: not loaded yet. */
 function robot(size: [number, number, number] | null, heading = 0) {

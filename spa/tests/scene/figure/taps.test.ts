@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { expect, test } from 'vitest';
-import { onTaps } from '../../../src/view/taps.ts';
+import { onTaps } from '../../../src/scene/figure/taps.ts';
 
 interface Point {
   readonly x?: number;

@@ -1,8 +1,8 @@
 import { expect, it } from 'vitest';
-import { Facets } from '../../../src/overlays/balance/facets.ts';
-import { Footprints } from '../../../src/overlays/balance/footprints.ts';
-import { paintsOf } from '../../../src/overlays/balance/paints.ts';
-import { OVERLAY_COLORS } from '../../../src/overlays/colors.ts';
+import { Facets } from '../../../src/scene/signs/balance/facets.ts';
+import { Footprints } from '../../../src/scene/signs/balance/footprints.ts';
+import { paintsOf } from '../../../src/scene/signs/balance/paints.ts';
+import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
 import { Balancer } from '../../../src/twin/balance/balancer.ts';
 import type { Foot } from '../../../src/twin/balance/standing.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import type { Line, Spot } from '../../../src/browser/drawn_lines.ts';
-import { type LabelBox, LabelLayout, type PlacedLabel } from '../../../src/overlays/label_layout.ts';
+import { type LabelBox, LabelLayout, type PlacedLabel } from '../../../src/scene/signs/label_layout.ts';
 
 const ROOM = { width: 800, height: 600, top: 40, free: 500 };
 const [WIDE, HIGH] = [90, 19];

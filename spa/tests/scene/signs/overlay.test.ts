@@ -1,10 +1,10 @@
 // @vitest-environment happy-dom
 import { expect, it } from 'vitest';
-import { Facets } from '../../../src/overlays/balance/facets.ts';
-import type { BalancePicture, ShownBalance } from '../../../src/overlays/balance_drawing.ts';
-import { OVERLAY_COLORS } from '../../../src/overlays/colors.ts';
-import { Overlay } from '../../../src/overlays/overlay.ts';
-import type { OverlayStyle } from '../../../src/overlays/robot_overlay.ts';
+import { Facets } from '../../../src/scene/signs/balance/facets.ts';
+import type { BalancePicture, ShownBalance } from '../../../src/scene/signs/balance_drawing.ts';
+import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
+import { Overlay } from '../../../src/scene/signs/overlay.ts';
+import type { OverlayStyle } from '../../../src/scene/signs/robot_overlay.ts';
 import type { BalanceReadings } from '../../../src/twin/overlay/reader.ts';
 import type { Wrench } from '../../../src/twin/sensors/wrenches.ts';
 import { sampleLeg } from '../../rigs/leg_sample.ts';

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { Vector3 } from 'three';
 import { expect, test, vi } from 'vitest';
-import { SceneCamera } from '../../../src/three/camera.ts';
+import { SceneCamera } from '../../../src/scene/three/camera.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
 
 const [WIDTH, HEIGHT] = [1000, 800];

@@ -2,8 +2,8 @@
 import { expect, test, vi } from 'vitest';
 import type { BundleFile } from '../../../src/model/bundle.ts';
 import { factsOf } from '../../../src/model/mesh_facts.ts';
-import { MeshLoader, meshKind } from '../../../src/three/robot/mesh_loader.ts';
-import type { Download } from '../../../src/three/robot/raw_bundle.ts';
+import { MeshLoader, meshKind } from '../../../src/scene/three/mesh_loader.ts';
+import type { Download } from '../../../src/scene/three/raw_bundle.ts';
 import { MeshError } from '../../../src/urdf/meshes/stl.ts';
 import { asciiStl, binaryStl, collada, cubeSoup, MTL, OBJ, triangleGlb } from '../../rigs/mesh_samples.ts';
 

@@ -1,8 +1,8 @@
 import { Color, type LineBasicMaterial } from 'three';
 import { expect, test } from 'vitest';
 import { parseManifest } from '../../../src/model/bundle.ts';
-import { hatchedBox, Placeholders, whyAbsent } from '../../../src/three/robot/placeholder.ts';
-import { readRawManifest } from '../../../src/three/robot/raw_bundle.ts';
+import { hatchedBox, Placeholders, whyAbsent } from '../../../src/scene/three/placeholder.ts';
+import { readRawManifest } from '../../../src/scene/three/raw_bundle.ts';
 
 test('a mesh is absent when the edge says so, or when the bundle does not have it', () => {
   const files = [

@@ -1,7 +1,7 @@
 import { PerspectiveCamera } from 'three';
 import { expect, it } from 'vitest';
-import type { RobotNode } from '../../../src/three/robot_node.ts';
-import { SceneRow } from '../../../src/three/scene_row.ts';
+import type { RobotNode } from '../../../src/scene/three/robot_node.ts';
+import { SceneRow } from '../../../src/scene/three/scene_row.ts';
 
 /** A robot of this width and height, with its root in the middle of its floor; null: not loaded yet. */
 function robot(size: readonly [number, number, number] | null) {

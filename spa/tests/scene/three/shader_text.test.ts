@@ -1,10 +1,10 @@
 import { Color, type Material, ShaderLib, type WebGLProgramParametersWithUniforms } from 'three';
 import { expect, it } from 'vitest';
 import { readLod } from '../../../src/model/lod.ts';
-import { glass } from '../../../src/three/robot/glass.ts';
-import { declare, insertAfter } from '../../../src/three/robot/shader_text.ts';
-import { Bones, Skin } from '../../../src/three/robot/skin.ts';
-import { StaleEffect } from '../../../src/three/robot/stale_effect.ts';
+import { glass } from '../../../src/scene/three/glass.ts';
+import { declare, insertAfter } from '../../../src/scene/three/shader_text.ts';
+import { Bones, Skin } from '../../../src/scene/three/skin.ts';
+import { StaleEffect } from '../../../src/scene/three/stale_effect.ts';
 import { sampleGlb } from '../../rigs/model_samples.ts';
 
 /** The shader that a material makes of three.js's own. */

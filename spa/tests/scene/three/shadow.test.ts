@@ -1,6 +1,6 @@
 import { Matrix4, Vector3 } from 'three';
 import { expect, test } from 'vitest';
-import { ShadowCaster } from '../../../src/three/shadow.ts';
+import { ShadowCaster } from '../../../src/scene/three/shadow.ts';
 
 test('each block fills its box, where its link is', () => {
   const caster = new ShadowCaster(2);

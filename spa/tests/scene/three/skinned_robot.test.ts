@@ -2,9 +2,9 @@ import { Color } from 'three';
 import { describe, expect, it } from 'vitest';
 import { readLod } from '../../../src/model/lod.ts';
 import { readManifest } from '../../../src/model/manifest.ts';
-import type { Skin } from '../../../src/three/robot/skin.ts';
-import { SkinnedRobot } from '../../../src/three/robot/skinned_robot.ts';
-import { StaleEffect } from '../../../src/three/robot/stale_effect.ts';
+import type { Skin } from '../../../src/scene/three/skin.ts';
+import { SkinnedRobot } from '../../../src/scene/three/skinned_robot.ts';
+import { StaleEffect } from '../../../src/scene/three/stale_effect.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../../rigs/model_samples.ts';
 
 const tones = { accent: { value: new Color() }, caution: { value: new Color() } };

@@ -1,6 +1,6 @@
 import { Color, ShaderLib, type WebGLProgramParametersWithUniforms } from 'three';
 import { expect, test } from 'vitest';
-import { StaleEffect } from '../../../src/three/robot/stale_effect.ts';
+import { StaleEffect } from '../../../src/scene/three/stale_effect.ts';
 
 test('it starts grey, drains in a quarter of a second, and then asks for no more ticks', () => {
   const staleEffect = new StaleEffect(new Color());

@@ -5,9 +5,9 @@ import { isThen } from '../../../twin/liveness.ts';
 import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { useNow } from '../../shell/now.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
-import { faultSentence, timesWords } from '../../status/fault_sentence.ts';
 import { useText } from '../../text/language.ts';
 import { more, useMore } from '../../text/more.ts';
+import { faultSentence, timesWords } from '../../words/fault_sentence.ts';
 import { When } from './When.tsx';
 
 /** The faults that are active or unacknowledged, with their times and a button to acknowledge them. */

@@ -16,9 +16,9 @@ import {
   sheetOf,
 } from '../../../twin/plots/window.ts';
 import type { SensorWords } from '../../../twin/sensors/sensors.ts';
+import { createElement, TextCell } from '../../shell/cells.ts';
 import { say } from '../../text/language.ts';
 import type { More } from '../../text/more_en.ts';
-import { createElement, TextCell } from '../grid/cells.ts';
 import { writeLegendName } from './legend_name.ts';
 import { traceStyle } from './trace_style.ts';
 

@@ -2,9 +2,9 @@ import type { Fault } from '../../../twin/alarms/fault_log.ts';
 import { displayOf, formatSpan } from '../../../twin/format.ts';
 import type { JointRow, NumberName } from '../../../twin/joints.ts';
 import { isolated } from '../../../twin/names.ts';
-import { faultWords } from '../../status/fault_words.ts';
+import { createElement, DataAttribute, TextCell } from '../../shell/cells.ts';
 import { say } from '../../text/language.ts';
-import { createElement, DataAttribute, TextCell } from '../grid/cells.ts';
+import { faultWords } from '../../words/fault.ts';
 
 /** The age is shown for readings lost longer than this. */
 const OLD_MS = 1500;

@@ -1,20 +1,20 @@
 import './list.css';
 import { useEffect, useState } from 'react';
-import { signInNeeded } from '../../../auth/request.ts';
 import { savesData } from '../../../browser/late_part.ts';
 import { accounts, home, relayChoice } from '../../../relay/relay.ts';
+import { signInNeeded } from '../../../relay/request.ts';
 import { prepareStream } from '../../../stream/early_stream.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import type { Verdict } from '../../../twin/liveness.ts';
+import { Sign } from '../../robot/Chip.tsx';
 import { Command } from '../../shell/Command.tsx';
 import { IconButton, SettingsIcon } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
 import { MOST_SIDE_BY_SIDE, robotHref } from '../../state/route.ts';
 import { useStore } from '../../state/use_store.ts';
-import { Sign } from '../../status/Chip.tsx';
-import { causeWords } from '../../status/words.ts';
 import { useText } from '../../text/language.ts';
 import { useListText } from '../../text/list.ts';
+import { causeWords } from '../../words/status.ts';
 import { openChosen } from '../local/local.ts';
 import { inOrder, judgeListed, type ListedRobot, useRobots } from './robots.ts';
 import { Thumbnail } from './Thumbnail.tsx';
@@ -22,7 +22,7 @@ import { Thumbnail } from './Thumbnail.tsx';
 /** After this long the viewer is assumed to have read the list. */
 const AHEAD_AFTER_MS = 1500;
 
-const SignIn = late(async () => (await import('../../account/SignIn.tsx')).SignIn);
+const SignIn = late(async () => (await import('../../settings/SignIn.tsx')).SignIn);
 
 /** Preloads the code that shows a robot's numbers, shortly after the list is shown. Returns a function that stops it. */
 function prepareRobotPage(): () => void {

@@ -1,8 +1,8 @@
 import { useEffect, useState } from 'react';
-import { manifestUrl } from '../../../auth/lane.ts';
-import { tokenFor } from '../../../auth/token.ts';
 import { fetchBytes, fetchManifest, fileUrl } from '../../../model/bundle.ts';
 import { thumbnailOf } from '../../../model/manifest.ts';
+import { manifestUrl } from '../../../relay/lane.ts';
+import { tokenFor } from '../../../relay/token.ts';
 import { RobotFigure } from '../../shell/icons.tsx';
 import type { ListedRobot } from './robots.ts';
 

@@ -1,5 +1,5 @@
 import { useEffect } from 'react';
-import type { RobotScene } from '../../../three/index.ts';
+import type { RobotScene } from '../../../scene/three/index.ts';
 import { FILE_READINGS } from '../../../twin/overlay/file_readings.ts';
 import { distrustsMasses, type Finding } from '../../../urdf/finding.ts';
 import type { LocalRobot } from '../../../urdf/local_robot.ts';

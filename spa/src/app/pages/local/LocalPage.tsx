@@ -1,11 +1,11 @@
 import { useEffect, useMemo, useRef, useState } from 'react';
 import type { ModelReport } from '../../../model/report.ts';
-import type { RobotScene } from '../../../three/index.ts';
+import type { RobotScene } from '../../../scene/three/index.ts';
 import { displayOf, formatNumber } from '../../../twin/format.ts';
 import type { Finding } from '../../../urdf/finding.ts';
 import type { LocalRobot } from '../../../urdf/local_robot.ts';
-import { useCameraControls } from '../../body/controls/use_camera_controls.ts';
-import { loadThree } from '../../body/load_three.ts';
+import { loadThree } from '../../robot/load_three.ts';
+import { useCameraControls } from '../../robot/use_camera_controls.ts';
 import { showScene } from '../../shell/debug_api.ts';
 import { BackIcon, IconButton } from '../../shell/icons.tsx';
 import { useTheme } from '../../shell/theme.ts';

@@ -1,6 +1,6 @@
 import type { Span } from '../../../past/past_types.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
-import { dayWords } from '../../status/moment_words.ts';
+import { dayWords } from '../../words/moment.ts';
 import { bytesWords } from './bytes_words.ts';
 import type { saveEn } from './save_en.ts';
 import { useSaveText } from './save_text.ts';

@@ -1,4 +1,4 @@
-import '../../styles/choices.css';
+import '../../shell/styles/choices.css';
 import { useText } from '../../text/language.ts';
 import { useSaveText } from './save_text.ts';
 import { choicesOf, fieldOf, type SpanFields, type SpanName, type SpanOffer } from './span_choice.ts';

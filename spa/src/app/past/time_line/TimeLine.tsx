@@ -14,20 +14,20 @@ import { useNow } from '../../shell/now.ts';
 import { withKey } from '../../shell/page_keys.ts';
 import { useSettings } from '../../state/settings.ts';
 import { useStore } from '../../state/use_store.ts';
-import { dayWords } from '../../status/moment_words.ts';
-import { notKeptWords } from '../../status/past_words.ts';
 import { languageTag } from '../../text/language.ts';
 import { more, useMore } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
+import { dayWords } from '../../words/moment.ts';
+import { notKeptWords } from '../../words/past_words.ts';
+import { listenToGestures } from './gestures.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
 import { completed } from './movement.ts';
 import { JumpIcon, PauseIcon, PlayIcon } from './past_icons.tsx';
-import { listenToGestures } from './scale/gestures.ts';
-import { ScaleChoice } from './scale/ScaleChoice.tsx';
-import { chosenScale, scaleFor, scaleIn, scalesOf } from './scale/scales.ts';
-import { listTicks } from './scale/ticks.ts';
+import { ScaleChoice } from './ScaleChoice.tsx';
+import { chosenScale, scaleFor, scaleIn, scalesOf } from './scales.ts';
 import { Track } from './Track.tsx';
 import { TransportBar } from './TransportBar.tsx';
+import { listTicks } from './ticks.ts';
 import { msPerPx, pxAt, shownSpan, textPxOf, type View } from './track_view.ts';
 
 /** Minimum and maximum interval between updates of the time, ms; a line that shows days updates less often. */

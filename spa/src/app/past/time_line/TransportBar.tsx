@@ -1,13 +1,13 @@
 import './transport.css';
 import { type ReactNode, useId } from 'react';
 import { type PastControls, type Playhead, SPEEDS, type Speed } from '../../../past/past_types.ts';
+import { Sign } from '../../robot/Chip.tsx';
 import { IconButton, PastIcon } from '../../shell/icons.tsx';
 import { type KeyAction, withKey } from '../../shell/page_keys.ts';
 import { useStore } from '../../state/use_store.ts';
-import { Sign } from '../../status/Chip.tsx';
-import { hundredthsWords } from '../../status/moment_words.ts';
 import { more } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
+import { hundredthsWords } from '../../words/moment.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
 import { loopStart, pressLoop } from './loop_start.ts';
 import { speedWords, whenWords } from './spoken.ts';

@@ -1,8 +1,8 @@
 import { type FormEvent, useEffect, useId, useState, useSyncExternalStore } from 'react';
 import type { PastControls, Timeline } from '../../../../past/past_types.ts';
 import { formatClockSeconds } from '../../../../twin/format.ts';
-import { dayWords } from '../../../status/moment_words.ts';
 import { useMomentsText } from '../../../text/moments.ts';
+import { dayWords } from '../../../words/moment.ts';
 import { nearestRecorded } from './recorded_days.ts';
 
 /** A recorded moment this near counts as the requested one, ms. */
