@@ -50,7 +50,7 @@ import { readRawManifest } from '../../spa/src/scene/three/raw_bundle.ts';
 import { MirrorReader } from '../../spa/src/stream/firebase_mirror.ts';
 import { type LaneAnswer, readBeginning, readNext } from '../../spa/src/stream/lane/answers.ts';
 import { Lane } from '../../spa/src/stream/lane/lane.ts';
-import { readLaneAddress } from '../../spa/src/stream/lane/lane_address.ts';
+import { readLaneAddress } from '../../spa/src/stream/lane/open_lane.ts';
 import { frameBytes, SseParser } from '../../spa/src/stream/sse.ts';
 import { DropError } from '../../spa/src/urdf/local_files.ts';
 import { modelOf, UrdfError } from '../../spa/src/urdf/manifest.ts';

@@ -1,5 +1,4 @@
-import { asAnyone } from './as_anyone.ts';
-import { setLinkToken } from './token.ts';
+import { asAnyone, setLinkToken } from './token.ts';
 
 const STORE = 'posecast.link';
 /** `t` may also be a moment, which is a date, or garbage: a token has its robot between dots. */

@@ -32,3 +32,8 @@ export function tokenFor(url: string): string | undefined {
   if (robot && url.includes(`/api/v1/robots/${robot}/`)) return held;
   return (/\/api\/v1\/robots(\/|$)/.test(url) && account.get()) || undefined;
 }
+
+/** Whether the address has `?as=anyone`; if so, the page uses no token and shows only what anyone may see. */
+export function asAnyone(): boolean {
+  return /[?&]as=anyone(&|$)/.test(globalThis.location?.search ?? '');
+}

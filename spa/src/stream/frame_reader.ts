@@ -10,7 +10,7 @@ import {
 import { poseDiffers } from '../twin/pose_change.ts';
 import type { Delay } from './lateness.ts';
 import type { FromStream } from './messages.ts';
-import { RateMeter } from './rate_meter.ts';
+import { RateMeter } from './pacing.ts';
 
 /** After a longer pause between frames, the pose may have moved meanwhile, so it counts as changed. */
 const GAP_MS = 2500;

@@ -222,7 +222,7 @@ export class RobotTwin {
 
   /** Adds earlier events among the known ones of the same count. `isAll`: see `hasAllEvents`. */
   acceptEarlier(earlier: readonly EventMessage[], isAll: boolean): void {
-    // end events made up for missed ones (`stream/missed_ends.ts`) are replaced by the real ones
+    // end events made up for missed ones (`stream/lane/part_player.ts`) are replaced by the real ones
     const known = this.events.filter(({ n }) => earlier.length === 0 || Number.isInteger(n));
     const kept = earlier.filter((event) => !this.#isDeleted(event));
     const byN = new Map([...kept, ...known].map((event) => [event.n, event]));

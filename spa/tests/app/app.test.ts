@@ -1,15 +1,15 @@
 import { describe, expect, it } from 'vitest';
 import { inOrder, judgeListed, readPublishAt, readRobots } from '../../src/app/pages/list/robots.ts';
 import { announcement } from '../../src/app/robot/announcement.ts';
-import { missingWords } from '../../src/app/robot/words.ts';
-import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../../src/app/shell/sheet_heights.ts';
+import { missingWords } from '../../src/app/robot/BodyNotes.tsx';
+import { explanationWords } from '../../src/app/robot/Explanation.tsx';
+import { heightPx, nextHeight, PEEK_PX, restingHeight } from '../../src/app/shell/Sheet.tsx';
 import { hashAtPath, hashOfPath } from '../../src/app/state/path.ts';
 import { parseRoute } from '../../src/app/state/route.ts';
 import { readSettings } from '../../src/app/state/settings.ts';
 import { en } from '../../src/app/text/en.ts';
 import { ko } from '../../src/app/text/ko.ts';
 import { moreEn } from '../../src/app/text/more_en.ts';
-import { explanationWords } from '../../src/app/words/explanation_words.ts';
 import { chipWords, stageWords, waitingWords } from '../../src/app/words/status.ts';
 import type { Link } from '../../src/stream/client.ts';
 import type { Verdict } from '../../src/twin/liveness.ts';

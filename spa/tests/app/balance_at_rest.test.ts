@@ -3,11 +3,10 @@ import { type BalanceWatch, balanceOf } from '../../src/app/balance/balance_watc
 import { forgetOwnAlarms, ownAlarms } from '../../src/app/state/own_alarms.ts';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
-import { BalanceReader } from '../../src/model/balance/balance_reader.ts';
-import { FrameBody } from '../../src/model/balance/frame_body.ts';
+import { BalanceReader, FrameBody } from '../../src/model/balance/balance_reader.ts';
 import type { PosedBody } from '../../src/model/posed_body.ts';
 import { BalanceOverlay } from '../../src/scene/signs/balance/balance_overlay.ts';
-import { Facets } from '../../src/scene/signs/balance/facets.ts';
+import { Facets } from '../../src/scene/signs/balance/shapes.ts';
 import type { ShownBalance } from '../../src/scene/signs/balance_drawing.ts';
 import { OVERLAY_COLORS } from '../../src/scene/signs/colors.ts';
 import { withEdit } from '../../src/twin/limits/limits.ts';

@@ -1,6 +1,5 @@
 import { beforeEach, describe, expect, it, vi } from 'vitest';
-import { balanceTraces } from '../../src/app/balance/balance_traces.ts';
-import { VALUES } from '../../src/app/balance/balance_values.ts';
+import { balanceTraces, VALUES } from '../../src/app/balance/balance_traces.ts';
 import { type BalanceWatch, balanceOf } from '../../src/app/balance/balance_watch.ts';
 import { spokenStance } from '../../src/app/balance/Stood.tsx';
 import { onOwnAlarms, ownAlarms } from '../../src/app/state/own_alarms.ts';

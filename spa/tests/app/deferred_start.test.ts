@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { startWhenLoaded } from '../../src/app/shell/deferred_start.ts';
+import { startWhenLoaded } from '../../src/app/shell/late.tsx';
 
 /** Code that loads when the test says so. */
 function code() {

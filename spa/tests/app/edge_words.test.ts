@@ -1,5 +1,5 @@
 import { afterEach, expect, it, vi } from 'vitest';
-import { edgeWords } from '../../src/app/words/edge_words.ts';
+import { edgeWords } from '../../src/app/words/fault.ts';
 
 const language = vi.hoisted(() => ({ korean: null as unknown }));
 vi.mock('../../src/app/text/language.ts', () => ({ korean: () => language.korean }));

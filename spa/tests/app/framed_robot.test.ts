@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { framedRobot } from '../../src/app/pages/embed/framed_robot.ts';
+import { framedRobot } from '../../src/app/pages/embed/EmbedPage.tsx';
 
 it.each([
   ['/embed/hubo', '', 'hubo'],

@@ -1,6 +1,6 @@
 import type { EventMessage } from '@posecast/wire';
 import { expect, it } from 'vitest';
-import { withHeard } from '../../src/app/past/time_line/incidents/heard_marks.ts';
+import { withHeard } from '../../src/app/past/time_line/movement.ts';
 import type { PastSource } from '../../src/past/past_source.ts';
 import { listEvents } from '../../src/past/player/tape/recent_events.ts';
 import { timelineOf } from '../rigs/past_fake.ts';

@@ -3,8 +3,7 @@ import { spokenOf } from '../../src/app/past/time_line/spoken.ts';
 import { preciseWords } from '../../src/app/past/time_line/TransportBar.tsx';
 import { ko } from '../../src/app/text/ko.ts';
 import { moreKo } from '../../src/app/text/more_ko.ts';
-import { agoWords, momentWords } from '../../src/app/words/moment.ts';
-import { notKeptWords } from '../../src/app/words/past_words.ts';
+import { agoWords, momentWords, notKeptWords } from '../../src/app/words/moment.ts';
 import type { Playhead } from '../../src/past/past_types.ts';
 import { playheadAt } from '../rigs/past_fake.ts';
 

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { Ranks } from '../../src/app/numbers/table/ranks.ts';
+import { Ranks } from '../../src/app/numbers/table/joint_row.ts';
 
 describe('the rank of a row', () => {
   it('is the top while it is faulty, and for five seconds after', () => {

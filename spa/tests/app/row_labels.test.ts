@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { type LabelBox, placeApart } from '../../src/app/pages/row_labels.ts';
+import { type LabelBox, placeApart } from '../../src/app/pages/RowPage.tsx';
 
 const box = (left: number, top: number): LabelBox => ({ left, top, width: 100, height: 40 });
 const NOTE = { left: 50, top: 10, width: 200, height: 50 };

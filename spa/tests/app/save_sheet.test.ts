@@ -2,7 +2,7 @@
 import { createElement } from 'react';
 import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, describe, expect, it, vi } from 'vitest';
-import { bytesWords } from '../../src/app/past/save/bytes_words.ts';
+import { bytesWords } from '../../src/app/past/save/Outcome.tsx';
 import { SaveSheet } from '../../src/app/past/save/SaveSheet.tsx';
 import { saveEn } from '../../src/app/past/save/save_en.ts';
 import {

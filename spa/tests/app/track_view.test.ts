@@ -5,7 +5,7 @@ import { ALL } from '../../src/app/past/time_line/scales.ts';
 import { whatWords } from '../../src/app/past/time_line/Tip.tsx';
 import { drawnMarks, drawnWords } from '../../src/app/past/time_line/TrackPicture.tsx';
 import { msAt, pxAt, shownSpan } from '../../src/app/past/time_line/track_view.ts';
-import { relayAhead } from '../../src/past/player/relay_now.ts';
+import { relayAhead } from '../../src/past/player/playhead_state.ts';
 import { timelineOf } from '../rigs/past_fake.ts';
 
 const MIN = 60_000;

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { afterNextPaint } from '../../src/browser/next_paint.ts';
+import { afterNextPaint } from '../../src/browser/first_paint.ts';
 
 let done = false;
 let repaint: (() => void)[] = [];

@@ -1,9 +1,8 @@
 import { parseSchema } from '@posecast/wire';
 import { expect, it } from 'vitest';
-import { BalanceReader } from '../../src/model/balance/balance_reader.ts';
-import { FrameBody } from '../../src/model/balance/frame_body.ts';
+import { BalanceReader, FrameBody } from '../../src/model/balance/balance_reader.ts';
 import { readManifest } from '../../src/model/manifest.ts';
-import { ForcePlay } from '../../src/twin/playback/force_play.ts';
+import { ForcePlay } from '../../src/twin/playback/player.ts';
 import { type BalanceFrame, readBalanceCases, tellBalance } from '../rigs/balance_vectors.ts';
 
 /** Rounding of the codes in the vectors: 0.1 mN and 0.1 mN·m move a centre of pressure by less. */

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { LEAD_FRAMES_MAX } from '../../src/past/player/lead_in.ts';
+import { LEAD_FRAMES_MAX } from '../../src/past/player/past_player.ts';
 import { FakeSource, Rig } from '../rigs/past_player_rig.ts';
 import { FROM_MS, range, recorded, sent } from '../rigs/past_recordings.ts';
 

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { LOOK_MS_MAX, PlayheadClock } from '../../src/past/player/playhead.ts';
+import { LOOK_MS_MAX, PlayheadClock } from '../../src/past/player/playhead_state.ts';
 
 it('goes on at its speed while it runs, from where it was put', () => {
   const clock = new PlayheadClock();

@@ -1,10 +1,13 @@
 import { strToU8, zipSync } from 'fflate';
 import { describe, expect, it, vi } from 'vitest';
 import { fetchRecording } from '../../src/app/pages/recording/opened_recording.ts';
-import { FetchedFiles } from '../../src/past/recording/fetched_files.ts';
-import { FolderFiles, inChosenFolder } from '../../src/past/recording/folder_files.ts';
 import { ENTRIES_MAX, openPosecastFile } from '../../src/past/recording/posecast_file.ts';
-import type { RecordingFiles } from '../../src/past/recording/recording_files.ts';
+import {
+  FetchedFiles,
+  FolderFiles,
+  inChosenFolder,
+  type RecordingFiles,
+} from '../../src/past/recording/recording_files.ts';
 import { early } from '../../src/relay/recording_address.ts';
 import { PageClock } from '../rigs/past_rig.ts';
 

@@ -1,7 +1,7 @@
 import { parseSchema } from '@posecast/wire';
 import { BalanceReader } from '../../src/model/balance/balance_reader.ts';
 import { readManifest } from '../../src/model/manifest.ts';
-import { captureTime } from '../../src/twin/balance/capture_point.ts';
+import { captureTime } from '../../src/twin/balance/balancer.ts';
 import { type ExpectedBalance, tellBalance } from './balance_vectors.ts';
 
 /** A robot and its reports. */

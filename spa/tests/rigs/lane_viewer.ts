@@ -1,5 +1,4 @@
-import { Lane } from '../../src/stream/lane/lane.ts';
-import type { LaneAction } from '../../src/stream/lane/lane_action.ts';
+import { Lane, type LaneAction } from '../../src/stream/lane/lane.ts';
 import type { KnownBefore } from '../../src/stream/lane_port.ts';
 import type { FromStream } from '../../src/stream/messages.ts';
 import { ToldFaults } from '../../src/stream/told_faults.ts';

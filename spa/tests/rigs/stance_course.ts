@@ -2,8 +2,7 @@ import { parseSchema } from '@posecast/wire';
 import { BalanceReader } from '../../src/model/balance/balance_reader.ts';
 import { readManifest } from '../../src/model/manifest.ts';
 import { LimitLog } from '../../src/twin/alarms/limit_log.ts';
-import { MARGIN } from '../../src/twin/balance/margin_channel.ts';
-import { marginLimits } from '../../src/twin/balance/margin_limits.ts';
+import { MARGIN, marginLimits } from '../../src/twin/balance/margin_limits.ts';
 import { StanceJudge } from '../../src/twin/balance/stance.ts';
 import { ValueLimits } from '../../src/twin/limits/limits.ts';
 

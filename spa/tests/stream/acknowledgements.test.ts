@@ -1,5 +1,5 @@
 import { expect, test } from 'vitest';
-import { Acknowledgements } from '../../src/stream/acknowledgements.ts';
+import { Acknowledgements } from '../../src/stream/pacing.ts';
 
 test('the first message is acknowledged at once, the next ones once a second together', () => {
   const acks = new Acknowledgements();

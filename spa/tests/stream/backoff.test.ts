@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { retryDelayMs } from '../../src/stream/backoff.ts';
+import { retryDelayMs } from '../../src/stream/pacing.ts';
 
 it('full jitter under a ceiling that doubles from half a second to thirty seconds', () => {
   const ceilings = [0, 1, 2, 3, 4, 5, 6, 7, 20].map((failures) => retryDelayMs('backoff', failures, 1, null));

@@ -2,7 +2,7 @@ import { encodeSegment } from '@posecast/wire';
 import { expect, it } from 'vitest';
 import { readBeginning, readNext } from '../../src/stream/lane/answers.ts';
 import { Lane } from '../../src/stream/lane/lane.ts';
-import { readLaneAddress } from '../../src/stream/lane/lane_address.ts';
+import { readLaneAddress } from '../../src/stream/lane/open_lane.ts';
 import { LaneRelay } from '../rigs/lane_relay.ts';
 
 const STREAM = 'wss://relay.example/base/api/v1/robots/demo/live';

@@ -1,6 +1,5 @@
 import { expect, it } from 'vitest';
-import { Lane } from '../../src/stream/lane/lane.ts';
-import type { LaneAction } from '../../src/stream/lane/lane_action.ts';
+import { Lane, type LaneAction } from '../../src/stream/lane/lane.ts';
 
 it('asks a relay that sends it in circles once a second, after four times at once', () => {
   const before = { frame: null, event: null, faults: [] };

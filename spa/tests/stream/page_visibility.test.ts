@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { afterEach, expect, it, vi } from 'vitest';
-import { PageVisibility } from '../../src/stream/page_visibility.ts';
+import { PageVisibility } from '../../src/stream/client.ts';
 
 /** A screen whose edges the test can move. */
 class Edges {

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { RateMeter } from '../../src/stream/rate_meter.ts';
+import { RateMeter } from '../../src/stream/pacing.ts';
 
 it('is measured between the first and the last arrival of two seconds', () => {
   const pace = new RateMeter();

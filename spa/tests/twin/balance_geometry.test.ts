@@ -1,8 +1,8 @@
 import fc from 'fast-check';
 import { describe, expect, it } from 'vitest';
-import { planeOfSole } from '../../src/model/balance/sole_plane.ts';
+import { planeOfSole } from '../../src/model/balance/standing_choice.ts';
 import type { Vec2 } from '../../src/twin/balance/balance.ts';
-import { captureTime } from '../../src/twin/balance/capture_point.ts';
+import { captureTime } from '../../src/twin/balance/balancer.ts';
 import { convexHull } from '../../src/twin/balance/convex_hull.ts';
 import { limitMargin } from '../../src/twin/balance/limit_margin.ts';
 import { marginIn } from '../../src/twin/balance/margin.ts';

@@ -1,16 +1,16 @@
 import type { Threshold } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { moreEn } from '../../src/app/text/more_en.ts';
-import { LevelLatch } from '../../src/twin/limits/level_latch.ts';
 import {
   editsText,
+  LevelLatch,
   NO_EDITS,
+  rangeWords,
   readEdits,
   ValueLimits,
   whyNoThreshold,
   withEdit,
 } from '../../src/twin/limits/limits.ts';
-import { rangeWords } from '../../src/twin/limits/range_words.ts';
 import { SCHEMA } from '../rigs/schema.ts';
 
 const FOOT: Threshold = { low: -30, high: 500, caution: 0.5 };

@@ -1,6 +1,6 @@
 import { expect, it } from 'vitest';
-import { unreadWords } from '../../src/app/robot/words.ts';
-import { LostReadings } from '../../src/twin/sensors/lost_readings.ts';
+import { unreadWords } from '../../src/app/robot/BodyNotes.tsx';
+import { LostReadings } from '../../src/twin/sensors/last_readings.ts';
 import { codesWith, SCHEMA } from '../rigs/schema.ts';
 
 it('names the joints that have lost their reading, not those that never had one', () => {

@@ -2,7 +2,7 @@ import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { readRobots } from '../../src/app/pages/list/robots.ts';
 import { announcement } from '../../src/app/robot/announcement.ts';
-import { missingWords, unreadWords } from '../../src/app/robot/words.ts';
+import { missingWords, unreadWords } from '../../src/app/robot/BodyNotes.tsx';
 import { problemWords } from '../../src/app/words/status.ts';
 import { displayOf, flagWords } from '../../src/twin/format.ts';
 import { isolated, plainName } from '../../src/twin/names.ts';

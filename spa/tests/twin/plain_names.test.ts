@@ -1,6 +1,6 @@
 import { parseSchema } from '@posecast/wire';
 import { expect, it } from 'vitest';
-import { wordsOfName } from '../../src/twin/plain_names.ts';
+import { wordsOfName } from '../../src/twin/names.ts';
 import { SCHEMA, SCHEMA_TEXT } from '../rigs/schema.ts';
 
 it('is what the profile says, else the words that the name is made of', () => {

@@ -9,10 +9,9 @@ import {
   toggleTrace,
   traces,
 } from '../../src/app/state/traces.ts';
-import { csvOf } from '../../src/twin/plots/csv.ts';
 import { HISTORY_S, History } from '../../src/twin/plots/history.ts';
 import { traceReading } from '../../src/twin/plots/trace.ts';
-import { plotData, plotGroups, sheetOf } from '../../src/twin/plots/window.ts';
+import { csvOf, plotData, plotGroups, sheetOf } from '../../src/twin/plots/window.ts';
 import { codesWith, SCHEMA } from '../rigs/schema.ts';
 
 const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => ({

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { strToU8, zipSync } from 'fflate';
 import { describe, expect, it } from 'vitest';
-import { refusalWords } from '../../src/app/pages/local/refusals.ts';
+import { refusalWords } from '../../src/app/pages/local/local_files.ts';
 import { moreEn } from '../../src/app/text/more_en.ts';
 import { filesOf, localFiles } from '../../src/urdf/dropped_files.ts';
 import { type LocalFile, MAX_FILES, tidyPath } from '../../src/urdf/local_files.ts';

@@ -4,7 +4,7 @@ import { describe, expect, test } from 'vitest';
 import { BalanceReader } from '../../src/model/balance/balance_reader.ts';
 import { readMasses, readSoles } from '../../src/model/balance/masses_and_soles.ts';
 import { chooseStanding } from '../../src/model/balance/standing_choice.ts';
-import { toldOfMasses } from '../../src/twin/balance/mass_findings.ts';
+import { toldOfMasses } from '../../src/twin/balance/lacks.ts';
 import { modelOf, UrdfError } from '../../src/urdf/manifest.ts';
 import { readUrdf } from '../../src/urdf/reader.ts';
 import { readXml } from '../../src/urdf/xml.ts';

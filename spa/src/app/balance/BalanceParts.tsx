@@ -1,5 +1,5 @@
 import { LatePart } from '../../browser/late_part.ts';
-import { couldStand } from '../../twin/balance/could_stand.ts';
+import { couldStand } from '../../twin/balance/lacks.ts';
 import { late, onDemand } from '../shell/late.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings, useSettings } from '../state/settings.ts';

@@ -3,7 +3,7 @@ import type { PastControls } from '../../past/past_types.ts';
 import { isOld, type Verdict } from '../../twin/liveness.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import type { Watch } from '../state/liveness_watch.ts';
-import { pastWords } from '../words/past_words.ts';
+import { pastWords } from '../words/moment.ts';
 
 /** The longest segment; until a segment is loaded, its first pose stands for all of it. */
 const NEAR_MS = 7000;

@@ -1,9 +1,11 @@
 import { useEffect, useState } from 'react';
+import { asAnyone } from '../../relay/token.ts';
 import { OverlayReader } from '../../twin/overlay/reader.ts';
 import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
-import { AsAnyone } from './AsAnyone.tsx';
+import { useMore } from '../text/more.ts';
 import { type Announcement, announcement } from './announcement.ts';
+import './as_anyone.css';
 
 /** Least time between two announcements to screen readers. */
 const EVERY_MS = 5000;
@@ -54,5 +56,23 @@ export function Announcer({ link }: { link: RobotLink }) {
         {said}
       </p>
     </>
+  );
+}
+
+/** A note that the page shows only what anyone may see, with a link to the same view with the viewer's own rights. Empty
+ *  unless the address has `?as=anyone`. */
+function AsAnyone() {
+  const rest = useMore();
+  if (!asAnyone()) return null;
+  const { pathname, search, hash } = window.location;
+  const without = new URLSearchParams(search);
+  without.delete('as');
+  return (
+    <p className="as-anyone" role="status" data-testid="as-anyone">
+      <span>{rest.seenAsAnyone}</span>
+      <a className="text-button" href={`${pathname}${without.size > 0 ? `?${without}` : ''}${hash}`}>
+        {rest.asYourself}
+      </a>
+    </p>
   );
 }

@@ -1,20 +1,23 @@
 import { useCallback, useEffect, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
+import { builtModelAt } from '../../model/files.ts';
 import type { ModelReport } from '../../model/report.ts';
 import { accounts } from '../../relay/relay.ts';
 import type { BodyView, RowView } from '../../scene/figure/body_view.ts';
+import { StickFigure } from '../../scene/figure/stick_figure.ts';
 import { isAbsent } from '../../stream/client.ts';
 import { isThen } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
-import { startWhenLoaded } from '../shell/deferred_start.ts';
-import { late } from '../shell/late.tsx';
+import { Poser } from '../../twin/playback/pose.ts';
+import { late, startWhenLoaded } from '../shell/late.tsx';
 import { useNow } from '../shell/now.ts';
+import { useTheme } from '../shell/theme.ts';
 import { useShownSecond } from '../state/moment.ts';
 import { type RobotLink, useConnection, useVersion, useWord } from '../state/robot_link.ts';
+import { settings } from '../state/settings.ts';
 import { say, useText } from '../text/language.ts';
 import { bytesWords, problemWords, stageWords, waitingWords } from '../words/status.ts';
-import { FirstStickFigure } from './FirstStickFigure.tsx';
 import { keepLoading } from './keep_loading.ts';
 import type { OverlayLink } from './overlay_link.ts';
 import { useBodyView } from './use_body_view.ts';
@@ -274,4 +277,50 @@ function Waiting({ link }: { link: RobotLink }) {
       </div>
     )
   );
+}
+
+/** Draws the robot as a stick figure as soon as its model's manifest is loaded, usually before the renderer and the meshes. Draws
+ *  nothing for raw bundles, which list no joints. */
+function FirstStickFigure({ link }: { link: RobotLink }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const theme = useTheme();
+  useVersion(link);
+  const { modelHash } = link.twin;
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the line colour depends on the theme
+  useEffect(() => {
+    const { current } = canvas;
+    if (current === null || modelHash === null) return;
+    let leave: (() => void) | null = null;
+    let left = false;
+    builtModelAt(link.manifestUrl(modelHash))
+      .then((manifest) => {
+        if (left || manifest === null) return; // the joints of a raw bundle are unknown until its URDF is read
+        const figure = new StickFigure(current, manifest);
+        figure.setColor(getComputedStyle(current).color);
+        leave = follow(figure, link);
+      })
+      .catch(() => {}); // the scene loads the same file and reports errors
+    return () => {
+      left = true;
+      leave?.();
+    };
+  }, [link, modelHash, theme]);
+  return <canvas ref={canvas} className="first-sketch" data-testid="first-sketch" />;
+}
+
+function follow(figure: StickFigure, { twin }: RobotLink): () => void {
+  let poser: Poser | null = null;
+  let of: unknown = null;
+  const pose = () => {
+    const { schema, state } = twin;
+    if (schema === null || state === null) return;
+    if (poser === null || of !== schema) {
+      const told = settings().shown === 'ref' && schema.field('ref') !== null;
+      poser = new Poser(schema, told ? 'ref' : 'pos');
+      of = schema;
+    }
+    figure.setPose(poser.pose(state.codes));
+  };
+  pose();
+  return twin.onState(pose);
 }

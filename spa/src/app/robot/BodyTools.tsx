@@ -1,12 +1,11 @@
 import '../shell/styles/tools.css';
 import { useRef, useState } from 'react';
 import type { BodyView } from '../../scene/figure/body_view.ts';
+import { SettingChoice } from '../shell/SettingChoice.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { useMore } from '../text/more.ts';
 import { bytesWords } from '../words/status.ts';
-import { CameraViews } from './CameraViews.tsx';
 import { OverlayMenu } from './OverlayMenu.tsx';
-import { ShownChoice } from './ShownChoice.tsx';
 
 /** The tools over the body: camera views, displayed values, overlay. */
 export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyView; shown: boolean }) {
@@ -61,6 +60,47 @@ function Finer({ scene }: { scene: BodyView }) {
       <button type="button" onClick={ask} title={text.fullDetail}>
         {words}
       </button>
+    </fieldset>
+  );
+}
+
+/** Buttons for the camera views: initial, front, side and top. */
+export function CameraViews({ scene }: { scene: Pick<BodyView, 'look'> }) {
+  const text = useMore();
+  return (
+    <fieldset className="segments">
+      <legend className="unseen">{text.camera}</legend>
+      <button
+        type="button"
+        onClick={() => scene.look('home')}
+        title={text.firstView}
+        aria-label={text.firstView}
+      >
+        ↺
+      </button>
+      {(['front', 'side', 'top'] as const).map((side) => (
+        <button key={side} type="button" onClick={() => scene.look(side)}>
+          {text[side]}
+        </button>
+      ))}
+    </fieldset>
+  );
+}
+
+/** The choice of the joint values that a body shows: pos, ref or both. */
+export function ShownChoice() {
+  const text = useMore();
+  return (
+    <fieldset className="segments">
+      <legend className="unseen">{text.whatTheBodyShows}</legend>
+      <SettingChoice
+        name="shown"
+        values={[
+          ['pos', text.showPos, text.whereItIs],
+          ['ref', text.showRef, text.whereTold],
+          ['both', text.showBoth, text.whereBoth],
+        ]}
+      />
     </fieldset>
   );
 }

@@ -1,9 +1,8 @@
 import '../shell/styles/signs.css';
 import type { OverlaidBody } from '../../scene/figure/body_view.ts';
 import { isOld } from '../../twin/liveness.ts';
-import { isolated } from '../../twin/names.ts';
+import { isolated, wordsOfName } from '../../twin/names.ts';
 import { OverlayReader } from '../../twin/overlay/reader.ts';
-import { wordsOfName } from '../../twin/plain_names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import type { LoadScale } from '../../twin/sensors/load.ts';
 import { BALANCE } from '../balance/BalanceParts.tsx';

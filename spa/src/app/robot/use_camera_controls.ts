@@ -2,7 +2,7 @@ import { type RefObject, useEffect } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import type { BodyView } from '../../scene/figure/body_view.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
-import { startWhenLoaded } from '../shell/deferred_start.ts';
+import { startWhenLoaded } from '../shell/late.tsx';
 
 const CONTROLS = new LatePart(() =>
   Promise.all([import('./camera_controls.ts'), import('./body_selection.ts')]),

@@ -1,8 +1,7 @@
 import type { Fault, FaultLog } from '../../twin/alarms/fault_log.ts';
 import { fillSentence } from '../../twin/alarms/sentence.ts';
 import { coarseDisplay, displayOf, formatNumber, formatSpan } from '../../twin/format.ts';
-import { isolated } from '../../twin/names.ts';
-import { wordsOfName } from '../../twin/plain_names.ts';
+import { isolated, wordsOfName } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { flagSentence } from '../explain/flag_sentence.ts';
 import { settings } from '../state/settings.ts';

@@ -6,7 +6,7 @@ import { type Cause, isThen, type Verdict, type Word } from '../../twin/liveness
 import { isolated } from '../../twin/names.ts';
 import type { Text } from '../text/en.ts';
 import { say } from '../text/language.ts';
-import { spanWords } from './span_words.ts';
+import { spanWords } from './moment.ts';
 
 /** Sentences about the state of the robot, the connection and loading. */
 

@@ -16,8 +16,8 @@ import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
 import type { Span, Timeline } from '../past_types.ts';
 import { BoundedCache } from '../relay/bounded_cache.ts';
 import { PAGE_MS } from '../relay/past_documents.ts';
+import { SharedRequests } from '../relay/past_requests.ts';
 import { drawTimeline } from '../relay/past_timeline.ts';
-import { SharedRequests } from '../relay/shared_requests.ts';
 import { BYTES_MAX, type RecordingFiles } from './recording_files.ts';
 import type { RecordingIndex } from './recording_index.ts';
 

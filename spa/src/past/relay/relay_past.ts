@@ -23,8 +23,7 @@ import {
   readSummary,
 } from './past_documents.ts';
 import { nameOf, PastIndex, pageOf } from './past_index.ts';
-import { PastRequests, type RelayPorts } from './past_requests.ts';
-import { SharedRequests } from './shared_requests.ts';
+import { PastRequests, type RelayPorts, SharedRequests } from './past_requests.ts';
 
 const TICK_MS = 2000;
 const IDLE_MS = 15_000;

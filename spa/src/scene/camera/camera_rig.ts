@@ -15,9 +15,77 @@ import {
   shifted,
   shorterTurn,
 } from './orbit.ts';
-import { HIGHEST, LOWEST, NEAREST, type RigOptions } from './rig_options.ts';
-import { Visit } from './visit.ts';
 import { WholeBody } from './whole_body.ts';
+
+/** Options that differ between renderers. */
+export interface RigOptions {
+  /** Minimum distance to the target, in radii of the robot; default `NEAREST`. */
+  readonly nearest?: number;
+  /** Maximum elevation of the camera, rad; default `HIGHEST`. */
+  readonly highest?: number;
+  /** Whether the viewer wants no motion, so that the camera jumps instead of easing. */
+  readonly still?: () => boolean;
+  /** Called when the camera has moved and a new picture is needed. */
+  readonly changed?: () => void;
+}
+
+/** Default minimum distance of the camera from its target, in radii of the robot. */
+const NEAREST = 1 / 8;
+/** Minimum elevation of the camera, rad: it stays above the floor, which has no underside. */
+export const LOWEST = (0.5 * Math.PI) / 180;
+/** Default maximum elevation, rad: straight from above, the picture's up would be undefined. */
+const HIGHEST = (89.9 * Math.PI) / 180;
+
+/** A camera that was rotated (rad) or moved closer (as a fraction of its distance) by less than this does not count as moved: a
+ *  clicking mouse slips by a pixel or two. */
+const SLIP = 0.03;
+
+/** The camera's position, and the reason for it. */
+interface Stance {
+  readonly orbit: Orbit;
+  /** Whether the viewer had chosen the view. */
+  readonly touched: boolean;
+  /** Whether the distance was the one that fits the robot. */
+  readonly fitted: boolean;
+  /** The factor by which the body kept the camera farther away than when it was framed. */
+  readonly growth: number;
+  /** A place set by a link; null for none. */
+  readonly placed: EyePlace | null;
+}
+
+/** A close view of a part of the robot, from which the camera can return to its previous position. */
+class Visit {
+  #before: Stance;
+  #there: Orbit;
+
+  constructor(before: Stance, there: Orbit) {
+    this.#before = before;
+    this.#there = there;
+  }
+
+  /** The camera's previous position. */
+  get before(): Stance {
+    return this.#before;
+  }
+
+  /** The robot has moved, and the camera's previous and current targets with it. */
+  move(moved: (orbit: Orbit) => Orbit): void {
+    this.#before = { ...this.#before, orbit: moved(this.#before.orbit) };
+    this.#there = moved(this.#there);
+  }
+
+  /** Whether a camera in this position is still where the visit took it. */
+  holds({ azimuth, elevation, distance, target }: Orbit): boolean {
+    const there = this.#there;
+    const off = Math.hypot(...target.map((metres, axis) => metres - there.target[axis]!));
+    return [
+      shorterTurn(azimuth - there.azimuth),
+      elevation - there.elevation,
+      distance / there.distance - 1,
+      off / there.distance,
+    ].every((part) => Math.abs(part) < SLIP);
+  }
+}
 
 export type { EyePlace } from './orbit.ts';
 

@@ -1,6 +1,6 @@
 import { prefersReducedMotion } from '../../browser/reduced_motion.ts';
 import { isPassing } from '../../model/bundle.ts';
-import { linksMovedBy, treeOf } from '../../model/link_tree.ts';
+import { linksBeyond, linksMovedBy, treeOf } from '../../model/link_tree.ts';
 import type { LinkLook, PosedBody } from '../../model/posed_body.ts';
 import type { ModelReport } from '../../model/report.ts';
 import { RootPose } from '../../model/root_pose.ts';
@@ -9,7 +9,6 @@ import type { Pose } from '../../twin/playback/pose.ts';
 import type { Quat, Vec3 } from '../../twin/rotation.ts';
 import type { PlacedBox } from '../camera/body_span.ts';
 import type { PoseSource, RowMember } from './body_view.ts';
-import { type GhostRequest, ghostOf } from './ghost_pose.ts';
 import type { Moving } from './render_loop.ts';
 import type { Box, RowNode } from './robot_row.ts';
 
@@ -326,4 +325,25 @@ const NONE: ReadonlySet<string> = new Set();
 
 function sameSet<T>(a: ReadonlySet<T>, b: ReadonlySet<T>): boolean {
   return a === b || (a.size === b.size && [...a].every((item) => b.has(item)));
+}
+
+/** A request for a ghost: joints by URDF name, rad or m. With `limbs`, only the links beyond those joints are shown,
+ *  and all other joints are as in the body. */
+interface GhostRequest {
+  readonly joints: ReadonlyMap<string, number>;
+  readonly limbs: readonly string[] | null;
+}
+
+/** The joints and links of the ghost; null for no ghost. A whole ghost in the pose takes precedence over a request. */
+function ghostOf(
+  body: PosedBody,
+  pose: Pose | null,
+  wish: GhostRequest | null,
+): { joints: ReadonlyMap<string, number>; links: readonly string[] } | null {
+  const told = pose?.ghost ?? null;
+  if (told !== null) return { joints: told, links: body.linkNames };
+  if (wish === null) return null;
+  const { joints, limbs } = wish;
+  if (limbs === null) return { joints, links: body.linkNames };
+  return { joints: new Map([...(pose?.joints ?? []), ...joints]), links: linksBeyond(body, limbs) };
 }

@@ -1,9 +1,8 @@
 import { PerspectiveCamera, Ray } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { prefersReducedMotion } from '../../browser/reduced_motion.ts';
-import { CameraRig } from '../camera/camera_rig.ts';
+import { CameraRig, LOWEST } from '../camera/camera_rig.ts';
 import { FIELD_OF_VIEW } from '../camera/framing.ts';
-import { LOWEST } from '../camera/rig_options.ts';
 
 /** The three.js camera of a `CameraRig`, in a world with Z up. Pointer input is handled by three's `OrbitControls`. */
 export class SceneCamera {

@@ -1,14 +1,142 @@
-import { Float32BufferAttribute, InstancedBufferGeometry, ShaderMaterial } from 'three';
+import {
+  DynamicDrawUsage,
+  Float32BufferAttribute,
+  Group,
+  InstancedBufferGeometry,
+  InstancedInterleavedBuffer,
+  InterleavedBufferAttribute,
+  Mesh,
+  ShaderMaterial,
+} from 'three';
+import type { FacetNumbers } from '../signs/facet_numbers.ts';
+import type { DrawnNumbers } from '../signs/picture_numbers.ts';
 import { AT, type Strokes } from '../signs/strokes.ts';
-import { NumbersMesh } from './numbers_mesh.ts';
+
+/** An attribute's offset among the numbers of a row, and its length. */
+type Attributes = Readonly<Record<string, readonly [at: number, size: number]>>;
+
+/** A material, and its render order among transparent objects. */
+type Pass = readonly [material: ShaderMaterial, renderOrder: number];
+
+/** Draws rows of numbers, each as an instance of one geometry: one instanced draw call per pass. */
+class NumbersMesh {
+  readonly object = new Group();
+  readonly #drawn: DrawnNumbers;
+  readonly #buffer: InstancedInterleavedBuffer;
+  readonly #geometry: InstancedBufferGeometry;
+  readonly #passes: readonly Pass[];
+
+  constructor(
+    drawn: DrawnNumbers,
+    geometry: InstancedBufferGeometry,
+    attributes: Attributes,
+    passes: readonly Pass[],
+  ) {
+    this.#drawn = drawn;
+    this.#buffer = new InstancedInterleavedBuffer(drawn.numbers, drawn.stride);
+    this.#buffer.setUsage(DynamicDrawUsage);
+    this.#geometry = geometry;
+    this.#passes = passes;
+    for (const [name, [at, size]] of Object.entries(attributes))
+      geometry.setAttribute(name, new InterleavedBufferAttribute(this.#buffer, size, at));
+    for (const [material, renderOrder] of passes) {
+      const mesh = new Mesh(geometry, material);
+      mesh.frustumCulled = false;
+      mesh.renderOrder = renderOrder;
+      this.object.add(mesh);
+    }
+    this.update();
+  }
+
+  /** Uploads the numbers after they have changed. */
+  update(): void {
+    const { count, stride } = this.#drawn;
+    if (count > 0) {
+      this.#buffer.clearUpdateRanges();
+      this.#buffer.addUpdateRange(0, count * stride);
+      this.#buffer.needsUpdate = true;
+    }
+    this.#geometry.instanceCount = count;
+    this.object.visible = count > 0;
+  }
+
+  dispose(): void {
+    this.object.removeFromParent();
+    this.#geometry.dispose();
+    for (const [material] of this.#passes) material.dispose();
+  }
+}
+
+/** Drawn after robot and ghost, before all strokes. */
+const FACET_ORDER = 2;
+/** Opacity of the second pass, which shows through objects in front. */
+const FACET_THROUGH = 0.88;
+
+/** Draws all facets in two instanced draw calls, as `OverlayMesh` draws strokes: with depth test, then those marked "through" in
+ *  front of everything. They write no depth, so each is drawn over the previous ones. */
+export class FacetMesh extends NumbersMesh {
+  constructor(facets: FacetNumbers) {
+    const { first, second, third, tint, through } = facets.at;
+    super(
+      facets,
+      facetGeometry(),
+      { first: [first, 3], second: [second, 3], third: [third, 3], tint: [tint, 4], through: [through, 1] },
+      [
+        [facetMaterial(false), FACET_ORDER],
+        [facetMaterial(true), FACET_ORDER + 0.5],
+      ],
+    );
+  }
+}
+
+function facetGeometry(): InstancedBufferGeometry {
+  const geometry = new InstancedBufferGeometry();
+  geometry.setAttribute('corner', new Float32BufferAttribute([0, 1, 2], 1));
+  geometry.setIndex([0, 1, 2]);
+  return geometry;
+}
+
+/** The material of facets. Colours are output as for strokes. */
+function facetMaterial(through: boolean): ShaderMaterial {
+  return new ShaderMaterial({
+    transparent: true,
+    depthWrite: false,
+    toneMapped: false,
+    defines: through ? { THROUGH: FACET_THROUGH.toFixed(2) } : {},
+    vertexShader: `
+      attribute float corner;
+      attribute vec3 first;
+      attribute vec3 second;
+      attribute vec3 third;
+      attribute vec4 tint;
+      attribute float through;
+      varying vec4 paint;
+      void main() {
+        vec3 facing = normalize(normalMatrix * cross(second - first, third - first));
+        paint = vec4(tint.rgb * (0.9 + 0.12 * dot(facing, normalize(vec3(-0.35, 0.65, 0.7)))), tint.a);
+        vec3 at = corner < 0.5 ? first : corner < 1.5 ? second : third;
+        gl_Position = projectionMatrix * modelViewMatrix * vec4(at, 1.0);
+        #ifdef THROUGH
+          paint.a *= THROUGH;
+          gl_Position.z = -gl_Position.w + (gl_Position.z + gl_Position.w) * 0.01; // before everything else
+          if (through == 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+        #endif
+      }`,
+    fragmentShader: `
+      varying vec4 paint;
+      void main() {
+        gl_FragColor = vec4(min(paint.rgb, 1.0), paint.a);
+      }`,
+  });
+}
 
 /** Segments along a stroke and around it: enough to look round, few enough for dozens of strokes. */
 const ALONG = 40;
 const AROUND = 8;
 /** Drawn after robot and ghost. */
-const RENDER_ORDER = 3;
+const STROKE_ORDER = 3;
 /** Opacity of the second pass, which shows through objects in front. */
-const THROUGH = 0.72;
+const STROKE_THROUGH = 0.72;
 
 /**
  * Draws all strokes in two instanced draw calls. The first draws them with depth test; the second draws those marked
@@ -25,8 +153,8 @@ export class OverlayMesh extends NumbersMesh {
         ...{ shape: [shape, 4], manner: [manner, 2], tint: [tint, 4] },
       },
       [
-        [strokeMaterial(false), RENDER_ORDER],
-        [strokeMaterial(true), RENDER_ORDER + 1],
+        [strokeMaterial(false), STROKE_ORDER],
+        [strokeMaterial(true), STROKE_ORDER + 1],
       ],
     );
   }
@@ -64,7 +192,7 @@ function strokeMaterial(through: boolean): ShaderMaterial {
   return new ShaderMaterial({
     transparent: true,
     toneMapped: false,
-    defines: through ? { THROUGH: THROUGH.toFixed(2) } : {},
+    defines: through ? { THROUGH: STROKE_THROUGH.toFixed(2) } : {},
     vertexShader: `
       attribute vec4 place;
       attribute vec3 spot;

@@ -1,4 +1,14 @@
-import { Box3, Group, type Object3D, type Ray } from 'three';
+import {
+  Box3,
+  BufferAttribute,
+  BufferGeometry,
+  type Color,
+  Group,
+  LineBasicMaterial,
+  LineSegments,
+  type Object3D,
+  type Ray,
+} from 'three';
 import { NotNow } from '../../model/bundle.ts';
 import { manifestAt } from '../../model/files.ts';
 import { readManifest } from '../../model/manifest.ts';
@@ -10,10 +20,38 @@ import { BuiltRobot } from './built_robot.ts';
 import type { Figure, Stage } from './figure.ts';
 import { Download, readRawManifest } from './raw_bundle.ts';
 import { ShadowCaster } from './shadow.ts';
-import { Skeleton } from './skeleton.ts';
 import type { SkinTones } from './skin.ts';
 import { StaleEffect } from './stale_effect.ts';
 import type { SceneTheme } from './theme.ts';
+
+/** Lines from link to link, which show the robot's motion before any mesh is loaded. */
+class Skeleton {
+  readonly lines: LineSegments;
+  readonly #ends: readonly string[];
+
+  constructor(figure: Figure, color: Color) {
+    this.#ends = [...figure.bones()].flat();
+    const position = new BufferAttribute(new Float32Array(this.#ends.length * 3), 3);
+    const geometry = new BufferGeometry().setAttribute('position', position);
+    this.lines = new LineSegments(geometry, new LineBasicMaterial({ color, toneMapped: false }));
+    this.lines.frustumCulled = false; // its bounds change with every pose
+  }
+
+  follow(figure: Figure): void {
+    const position = this.lines.geometry.getAttribute('position');
+    for (const [i, name] of this.#ends.entries()) {
+      const m = figure.linkMatrix(name)?.elements;
+      if (m !== undefined) position.setXYZ(i, m[12]!, m[13]!, m[14]!);
+    }
+    position.needsUpdate = true;
+  }
+
+  dispose(): void {
+    this.lines.removeFromParent();
+    this.lines.geometry.dispose();
+    (this.lines.material as LineBasicMaterial).dispose();
+  }
+}
 
 /** What a robot needs from its scene. */
 export interface RobotNodeHost extends NodeHost {

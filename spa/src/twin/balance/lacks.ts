@@ -1,3 +1,4 @@
+import type { Schema } from '@posecast/wire';
 import type { Balance, BalanceGap } from './balance.ts';
 
 /** Permanent gaps; the others pass with the robot's next poses. */
@@ -40,4 +41,20 @@ export function lacksOf(
 
 function isLasting(gap: BalanceGap | null): gap is (typeof LASTING)[number] {
   return LASTING.some((one) => one === gap);
+}
+
+/** Whether a robot may stand on two feet that measure their forces, judging only by its schema; the model has the final word. */
+export function couldStand(schema: Schema | null): boolean {
+  const sensors = [...(schema?.mapping.sensors.values() ?? [])];
+  return sensors.filter(({ kind, link }) => kind === 'wrench' && link !== null).length > 1;
+}
+
+/** The doctor's findings about implausible masses: the texts of the findings with such a code
+ *  (docs/reference/model-bundle.md). */
+export function toldOfMasses(findings: unknown): unknown[] {
+  if (!Array.isArray(findings)) return [];
+  return findings.flatMap((finding) => {
+    const { code, text } = (finding ?? {}) as { code?: unknown; text?: unknown };
+    return typeof code === 'string' && /^(mass|inertia)/.test(code) ? [text] : [];
+  });
 }

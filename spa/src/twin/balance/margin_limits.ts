@@ -1,6 +1,8 @@
 import { type Level, level, type Threshold } from '@posecast/wire';
 import type { ValueLimits } from '../limits/limits.ts';
-import { MARGIN } from './margin_channel.ts';
+
+/** The name of the margin where limits and plots are stored by field and label. */
+export const MARGIN = { field: 'balance', label: 'margin' } as const;
 
 /** The source of the margin limits: the viewer, the profile, or the page's defaults if nobody has set any. */
 export type LimitsOwner = 'viewer' | 'profile' | 'page';

@@ -1,10 +1,35 @@
 import type { Level } from '@posecast/wire';
-import { worseOf } from '../limits/level_latch.ts';
-import type { Balance, BalanceGap } from './balance.ts';
+import { worseOf } from '../limits/limits.ts';
+import type { Balance, BalanceGap, Vec2 } from './balance.ts';
 import { spanOf } from './convex_hull.ts';
-import { fallDirection, type Side } from './direction.ts';
-import { marginIn } from './margin.ts';
+import { fromEdge, marginIn } from './margin.ts';
 import type { MarginLimits } from './margin_limits.ts';
+
+/** A direction from the robot's own point of view. */
+type Side = 'forwards' | 'backwards' | 'left' | 'right';
+
+/** A different direction is named only if it dominates by this factor: near 45° it would flicker. */
+const CLEARLY = 1.25;
+
+/** The direction in which a robot would fall if its centre of mass is outside its support: from the nearest point of the edge to
+ *  the centre of mass. `before`: the previous result. null if there is no edge. */
+export function fallDirection(
+  { centreOfMass, polygon, nearestEdge }: Pick<Balance, 'centreOfMass' | 'polygon' | 'nearestEdge'>,
+  headingRad: number,
+  before: Side | null,
+): Side | null {
+  const from = nearestEdge === null ? undefined : polygon[nearestEdge];
+  if (centreOfMass === null || from === undefined) return null;
+  const to = polygon[(nearestEdge! + 1) % polygon.length]!;
+  const [x, y] = fromEdge<Vec2>(from, to, [centreOfMass[0], centreOfMass[1]]);
+  const [cos, sin] = [Math.cos(headingRad), Math.sin(headingRad)];
+  const ahead = x * cos + y * sin;
+  const left = y * cos - x * sin;
+  const along: Side = ahead >= 0 ? 'forwards' : 'backwards';
+  const across: Side = left >= 0 ? 'left' : 'right';
+  const held = before === along ? CLEARLY : before === across ? 1 / CLEARLY : 1;
+  return Math.abs(ahead) * held >= Math.abs(left) ? along : across;
+}
 
 /**
  * The reported state of a robot's balance.

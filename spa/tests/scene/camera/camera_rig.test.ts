@@ -1,6 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { CameraRig } from '../../../src/scene/camera/camera_rig.ts';
-import type { RigOptions } from '../../../src/scene/camera/rig_options.ts';
+import { CameraRig, type RigOptions } from '../../../src/scene/camera/camera_rig.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
 
 const [WIDTH, HEIGHT] = [800, 600];

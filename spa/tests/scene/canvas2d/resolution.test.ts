@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { AdaptiveResolution } from '../../../src/scene/canvas2d/resolution.ts';
+import { AdaptiveResolution } from '../../../src/scene/canvas2d/view.ts';
 
 it('draws motion with as many pixels as there is time for, and what rests finely', () => {
   const sharpness = new AdaptiveResolution();

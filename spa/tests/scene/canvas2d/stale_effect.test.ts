@@ -1,6 +1,6 @@
 import { expect, it } from 'vitest';
 import { pixel } from '../../../src/scene/canvas2d/colors.ts';
-import { applyStaleEffect } from '../../../src/scene/canvas2d/stale_effect.ts';
+import { applyStaleEffect } from '../../../src/scene/canvas2d/painter.ts';
 
 const STALE = [0x98, 0xa2, 0xb3] as const;
 const spread = (color: number) => {

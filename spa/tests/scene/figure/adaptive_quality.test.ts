@@ -1,6 +1,9 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { AdaptiveQuality, type DrawingTrouble } from '../../../src/scene/figure/adaptive_quality.ts';
-import { PATIENCE_MS } from '../../../src/scene/figure/context_loss.ts';
+import {
+  AdaptiveQuality,
+  type DrawingTrouble,
+  PATIENCE_MS,
+} from '../../../src/scene/figure/adaptive_quality.ts';
 import { HOPELESS_MS, type QualityStep } from '../../../src/scene/figure/quality_steps.ts';
 
 beforeEach(() => {

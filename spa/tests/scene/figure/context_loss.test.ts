@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { ContextLossPolicy, MOST_LOSSES, WITHIN_MS } from '../../../src/scene/figure/context_loss.ts';
+import { ContextLossPolicy, MOST_LOSSES, WITHIN_MS } from '../../../src/scene/figure/adaptive_quality.ts';
 
 it('a context may be lost three times, not a fourth', () => {
   const policy = new ContextLossPolicy();

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { layOutRow } from '../../../src/scene/figure/row_layout.ts';
+import { layOutRow } from '../../../src/scene/figure/robot_row.ts';
 
 /** A robot of this width and height; records where it was placed. */
 function robot(width: number, height: number, there = true) {

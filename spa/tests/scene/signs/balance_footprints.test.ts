@@ -1,7 +1,6 @@
 import { expect, it } from 'vitest';
-import { Facets } from '../../../src/scene/signs/balance/facets.ts';
 import { Footprints } from '../../../src/scene/signs/balance/footprints.ts';
-import { paintsOf } from '../../../src/scene/signs/balance/paints.ts';
+import { Facets, paintsOf } from '../../../src/scene/signs/balance/shapes.ts';
 import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
 import { Balancer } from '../../../src/twin/balance/balancer.ts';
 import type { Foot } from '../../../src/twin/balance/standing.ts';

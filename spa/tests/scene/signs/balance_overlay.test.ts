@@ -3,7 +3,7 @@ import { expect, it } from 'vitest';
 import { BalanceReader } from '../../../src/model/balance/balance_reader.ts';
 import type { PosedBody } from '../../../src/model/posed_body.ts';
 import { BalanceOverlay } from '../../../src/scene/signs/balance/balance_overlay.ts';
-import { Facets } from '../../../src/scene/signs/balance/facets.ts';
+import { Facets } from '../../../src/scene/signs/balance/shapes.ts';
 import type { BalanceStyle } from '../../../src/scene/signs/balance_drawing.ts';
 import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
 import { limitsBy, marginLimits } from '../../../src/twin/balance/margin_limits.ts';

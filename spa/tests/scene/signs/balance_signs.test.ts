@@ -1,11 +1,9 @@
 import type { Level } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { FACET_AT, FACET_STRIDE, Facets } from '../../../src/scene/signs/balance/facets.ts';
 import { Footprints, KEPT_S } from '../../../src/scene/signs/balance/footprints.ts';
 import { drawJointLimits } from '../../../src/scene/signs/balance/joint_arc.ts';
-import { drawCapture, drawMass } from '../../../src/scene/signs/balance/mass.ts';
-import { faint, paintsOf } from '../../../src/scene/signs/balance/paints.ts';
-import { drawPressure } from '../../../src/scene/signs/balance/pressure.ts';
+import { drawCapture, drawMass, drawPressure } from '../../../src/scene/signs/balance/mass.ts';
+import { FACET_AT, FACET_STRIDE, Facets, faint, paintsOf } from '../../../src/scene/signs/balance/shapes.ts';
 import { drawSupport, marginLine } from '../../../src/scene/signs/balance/support.ts';
 import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
 import type { Balance, FootBalance } from '../../../src/twin/balance/balance.ts';

@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { FACET_AT, FACET_STRIDE, Facets, MOST_FACETS } from '../../../src/scene/signs/balance/facets.ts';
+import { FACET_AT, FACET_STRIDE, Facets, MOST_FACETS } from '../../../src/scene/signs/balance/shapes.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
 
 const CORNERS: readonly [Vec3, Vec3, Vec3] = [

@@ -1,6 +1,6 @@
 // @vitest-environment happy-dom
 import { expect, it } from 'vitest';
-import { Facets } from '../../../src/scene/signs/balance/facets.ts';
+import { Facets } from '../../../src/scene/signs/balance/shapes.ts';
 import type { BalancePicture, ShownBalance } from '../../../src/scene/signs/balance_drawing.ts';
 import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
 import { Overlay } from '../../../src/scene/signs/overlay.ts';

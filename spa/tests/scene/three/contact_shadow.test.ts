@@ -1,7 +1,7 @@
 import { Matrix4 } from 'three';
 import { expect, test } from 'vitest';
 import type { LinkBox } from '../../../src/model/bounds.ts';
-import { ContactShadow, MOST_CONTACTS } from '../../../src/scene/three/contact_shadow.ts';
+import { ContactShadow, MOST_CONTACTS } from '../../../src/scene/three/environment.ts';
 
 const SOLE: LinkBox = { min: [-0.1, -0.04, -0.05], max: [0.14, 0.04, 0] };
 const at = (x: number, y: number, z: number, yaw = 0) =>

@@ -1,8 +1,7 @@
 import './joint_card.css';
 import { useEffect, useRef } from 'react';
 import { flagWords, formatClockSeconds } from '../../../twin/format.ts';
-import { isolated } from '../../../twin/names.ts';
-import { wordsOfName } from '../../../twin/plain_names.ts';
+import { isolated, wordsOfName } from '../../../twin/names.ts';
 import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { BackIcon, IconButton } from '../../shell/icons.tsx';
 import { useNow } from '../../shell/now.ts';

@@ -1,11 +1,12 @@
+import { openPosecastFile, PosecastFileError } from '../../../past/recording/posecast_file.ts';
 import {
   type FindFile,
   FolderFiles,
   inChosenFolder,
   inDroppedFolder,
-} from '../../../past/recording/folder_files.ts';
-import { openPosecastFile, PosecastFileError } from '../../../past/recording/posecast_file.ts';
-import { RECORDING_FILE, type RecordingFiles } from '../../../past/recording/recording_files.ts';
+  RECORDING_FILE,
+  type RecordingFiles,
+} from '../../../past/recording/recording_files.ts';
 import { isolated } from '../../../twin/names.ts';
 import { type OpenedRecording, openRecording } from './opened_recording.ts';
 import { recordingText } from './recording_text.ts';

@@ -1,8 +1,8 @@
 import { BundleError, serveFolder } from '../../../model/bundle.ts';
 import { PastError } from '../../../past/past_source.ts';
-import { FetchedFiles } from '../../../past/recording/fetched_files.ts';
 import {
   BYTES_MAX,
+  FetchedFiles,
   modelPath,
   RECORDING_FILE,
   type RecordingFiles,

@@ -2,7 +2,7 @@ import './scale.css';
 import type { PastControls } from '../../../past/past_types.ts';
 import { useMomentsText } from '../../text/moments.ts';
 import { usePastText } from '../../text/past.ts';
-import { spanWords } from '../../words/span_words.ts';
+import { spanWords } from '../../words/moment.ts';
 import { ALL, chosenScale, scalesOf, stepScale } from './scales.ts';
 
 /** The choice of the time span of the line. With two options both are shown, or only the current one if space is short; with

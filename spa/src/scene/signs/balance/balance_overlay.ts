@@ -9,12 +9,10 @@ import type { Pose } from '../../../twin/playback/pose.ts';
 import type { Vec3 } from '../../../twin/rotation.ts';
 import type { BalanceDrawing, BalanceStyle, ShownBalance } from '../balance_drawing.ts';
 import type { OverlayLabel } from '../labels.ts';
-import type { Facets } from './facets.ts';
 import { Footprints } from './footprints.ts';
 import { drawJointLimits } from './joint_arc.ts';
-import { drawCapture, drawMass, drawMassFoot } from './mass.ts';
-import { paintsOf } from './paints.ts';
-import { drawPressure } from './pressure.ts';
+import { drawCapture, drawMass, drawMassFoot, drawPressure } from './mass.ts';
+import { type Facets, paintsOf } from './shapes.ts';
 import { drawSupport, type MarginLine, marginLine } from './support.ts';
 
 /** Height of the signs above the floor, in radii of the robot. */

@@ -2,7 +2,7 @@
 
 import type { BalancePicture } from '../balance_drawing.ts';
 import { BalanceOverlay } from './balance_overlay.ts';
-import { Facets } from './facets.ts';
+import { Facets } from './shapes.ts';
 
 /** Creates the object that draws the balance of all robots in one picture. */
 export function makeBalance(): BalancePicture {

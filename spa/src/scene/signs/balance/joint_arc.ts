@@ -15,9 +15,7 @@ import type { BalanceStyle, ShownJoint } from '../balance_drawing.ts';
 import type { OverlayLabel } from '../labels.ts';
 import { limbAcross } from '../limb_across.ts';
 import type { Paint } from '../picture_numbers.ts';
-import type { Facets } from './facets.ts';
-import { type BalancePaints, faint } from './paints.ts';
-import { drawRod, fillRing, type Spot } from './shapes.ts';
+import { type BalancePaints, drawRod, type Facets, faint, fillRing, type Spot } from './shapes.ts';
 
 /** Sizes in radii of the robot. */
 const RADIUS = 0.2;

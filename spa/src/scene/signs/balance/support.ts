@@ -3,9 +3,16 @@ import { addScaled, dot, normalize } from '../../../model/vectors.ts';
 import type { Balance } from '../../../twin/balance/balance.ts';
 import { fromEdge } from '../../../twin/balance/margin.ts';
 import type { Vec3 } from '../../../twin/rotation.ts';
-import type { Facets } from './facets.ts';
-import { type BalancePaints, faint } from './paints.ts';
-import { drawDashes, drawLine, fillPolygon, fillRound, floorSpot } from './shapes.ts';
+import {
+  type BalancePaints,
+  drawDashes,
+  drawLine,
+  type Facets,
+  faint,
+  fillPolygon,
+  fillRound,
+  floorSpot,
+} from './shapes.ts';
 
 /** Sizes in radii of the robot. */
 const OUTLINE = 0.009;

@@ -3,8 +3,7 @@ import { useEffect, useMemo, useRef, useState, useSyncExternalStore } from 'reac
 import type { PastControls } from '../../../../past/past_types.ts';
 import { fillSentence } from '../../../../twin/alarms/sentence.ts';
 import { flagWords, formatClockSeconds, formatSpan } from '../../../../twin/format.ts';
-import { isolated } from '../../../../twin/names.ts';
-import { wordsOfName } from '../../../../twin/plain_names.ts';
+import { isolated, wordsOfName } from '../../../../twin/names.ts';
 import type { RobotTwin } from '../../../../twin/robot.ts';
 import { flagSentence } from '../../../explain/flag_sentence.ts';
 import { languageTag } from '../../../text/language.ts';
