@@ -49,7 +49,7 @@ def encode_values(schema_text: str, values: Mapping[str, float]) -> list[int]:
 
 
 def read_balance(manifest: Document, schema: str, frames: Sequence[Document]) -> list[Document]:
-    """The page's result for frames with `t`, `codes`, optionally `velocity` (spa/tests/rigs/balance_course.ts)."""
+    """The page's result for frames with `t`, `codes`, optionally `velocity` (`rigs/balance_course.ts`)."""
     found: list[Document] = _run("balance_course.mjs", manifest, schema, frames)["frames"]
     return found
 
