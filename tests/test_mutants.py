@@ -69,7 +69,7 @@ def test_they_are_in_every_part_that_matters() -> None:
 
 def test_make_test_runs_what_must_catch_them() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    folders = (*settings["tool"]["pytest"]["ini_options"]["testpaths"], "spa/tests", "spa/src")
+    folders = (*settings["tool"]["pytest"]["ini_options"]["testpaths"], "spa/tests")
     for test in {test for mutant in MUTANTS for test in mutant.tests}:
         assert test.startswith((*(f"{folder}/" for folder in folders), "wire/typescript/tests/")), test
         assert (ROOT / test).name.startswith("test_") or test.endswith(".test.ts"), test

@@ -28,7 +28,7 @@ SCHEMA = (SEGMENTS / "schema.json").read_text()
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("saved")
-    subprocess.run(["node", REPO / "spa/tests/save_files.mjs", SEGMENTS, folder], check=True)
+    subprocess.run(["node", REPO / "spa/tests/rigs/save_files.mjs", SEGMENTS, folder], check=True)
     return folder
 
 

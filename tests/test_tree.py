@@ -26,7 +26,9 @@ SOURCES = sorted(
     for package in PACKAGES
     for suffix in ("py", "ts", "tsx")
     for path in (REPO / package).rglob(f"*.{suffix}")
-    if not re.search(r"/(tests|benches|node_modules|page|demo_bundle)/|\.test\.|__init__", str(path))
+    if not re.search(
+        r"/(tests|benches|node_modules|page|demo_bundle)/|__init__", f"/{path.relative_to(REPO)}"
+    )
 )
 
 # The same thing on both sides of the wire, or of one port.

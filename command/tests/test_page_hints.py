@@ -23,7 +23,7 @@ HINTS = sorted(
 def test_both_languages_and_both_empty_places_have_some() -> None:
     found = {path for path, _ in HINTS}
     assert found == {
-        *("body/SelfPlots.tsx", "pages/list/RobotList.tsx", "past/save/SaveSheet.tsx"),
+        *("robot/SelfPlots.tsx", "pages/list/RobotList.tsx", "past/save/SaveSheet.tsx"),
         *("text/more_en.ts", "text/more_ko.ts"),
     }
 

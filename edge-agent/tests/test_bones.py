@@ -1,6 +1,6 @@
 """A robot that shows hardly anything of itself is drawn as its skeleton.
 
-spa/src/urdf/bones.test.ts has the same."""
+spa/tests/urdf/bones.test.ts has the same."""
 
 from __future__ import annotations
 

@@ -46,12 +46,12 @@ import { openPosecastFile, PosecastFileError } from '../../spa/src/past/recordin
 import { DAY_MS, readDay, readPage, readSummary } from '../../spa/src/past/relay/past_documents.ts';
 import { PastIndex } from '../../spa/src/past/relay/past_index.ts';
 import { chooseRelay, readConfig } from '../../spa/src/relay/config.ts';
+import { readRawManifest } from '../../spa/src/scene/three/raw_bundle.ts';
 import { MirrorReader } from '../../spa/src/stream/firebase_mirror.ts';
 import { type LaneAnswer, readBeginning, readNext } from '../../spa/src/stream/lane/answers.ts';
 import { Lane } from '../../spa/src/stream/lane/lane.ts';
-import { readLaneAddress } from '../../spa/src/stream/lane/lane_address.ts';
+import { readLaneAddress } from '../../spa/src/stream/lane/open_lane.ts';
 import { frameBytes, SseParser } from '../../spa/src/stream/sse.ts';
-import { readRawManifest } from '../../spa/src/three/robot/raw_bundle.ts';
 import { DropError } from '../../spa/src/urdf/local_files.ts';
 import { modelOf, UrdfError } from '../../spa/src/urdf/manifest.ts';
 import { LodBuilder } from '../../spa/src/urdf/meshes/lod_builder.ts';

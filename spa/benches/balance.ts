@@ -1,8 +1,7 @@
 import { parseSchema } from '@posecast/wire';
-import { BalanceReader } from '../src/model/balance/balance_reader.ts';
-import { FrameBody } from '../src/model/balance/frame_body.ts';
+import { BalanceReader, FrameBody } from '../src/model/balance/balance_reader.ts';
 import { readManifest } from '../src/model/manifest.ts';
-import { Footprints } from '../src/overlays/balance/footprints.ts';
+import { Footprints } from '../src/scene/signs/balance/footprints.ts';
 
 const JOINTS = 60;
 const FRAMES = 2000;

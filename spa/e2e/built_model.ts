@@ -3,7 +3,7 @@
 import { createHash } from 'node:crypto';
 import { writeFileSync } from 'node:fs';
 import path from 'node:path';
-import { type SampleModel, sampleGlb, sampleManifest } from '../src/model/samples.ts';
+import { type SampleModel, sampleGlb, sampleManifest } from '../tests/rigs/model_samples.ts';
 
 export interface BuiltFiles {
   readonly folder: string;

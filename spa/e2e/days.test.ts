@@ -3,7 +3,7 @@ import { mkdirSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { decodeSegment, type Segment } from '@posecast/wire';
 import { expect, it } from 'vitest';
-import { Month } from '../tests/past_month.ts';
+import { Month } from '../tests/rigs/past_month.ts';
 import { violations } from './axe.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';

@@ -2,7 +2,7 @@ import { mkdirSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { strToU8, zipSync } from 'fflate';
 import { describe, expect, it } from 'vitest';
-import { binaryStl, collada, cubeSoup, MTL, OBJ, triangleGlb } from '../src/urdf/meshes/mesh_samples.ts';
+import { binaryStl, collada, cubeSoup, MTL, OBJ, triangleGlb } from '../tests/rigs/mesh_samples.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { REPO } from './stack.ts';

@@ -2,7 +2,7 @@ import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { setTimeout as pause } from 'node:timers/promises';
 import { describe, expect, it } from 'vitest';
-import type { SampleModel } from '../src/model/samples.ts';
+import type { SampleModel } from '../tests/rigs/model_samples.ts';
 import { type BuiltFiles, sampleChain, writeBuilt } from './built_model.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';

@@ -6,13 +6,13 @@
 
 import { adoptPath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
-import { laneUrl, manifestUrl } from './auth/lane.ts';
-import { takeToken } from './auth/link_token.ts';
-import { request } from './auth/request.ts';
-import { accessSettled } from './auth/settled.ts';
 import { builtModelAt } from './model/files.ts';
 import { streamUrl, WANTED_HZ } from './relay/addresses.ts';
+import { laneUrl, manifestUrl } from './relay/lane.ts';
+import { takeToken } from './relay/link_token.ts';
 import { early, recordingUrl } from './relay/recording_address.ts';
+import { request } from './relay/request.ts';
+import { accessSettled } from './relay/settled.ts';
 import { prepareStream, startEarly } from './stream/early_stream.ts';
 
 performance.mark('posecast:early');

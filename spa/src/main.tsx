@@ -2,8 +2,8 @@ import './early.ts';
 import { StrictMode } from 'react';
 import { createRoot } from 'react-dom/client';
 import { App } from './app/App.tsx';
-import { loadThree } from './app/body/load_three.ts';
-import { hasWebGl } from './app/body/use_body_view.ts';
+import { loadThree } from './app/robot/load_three.ts';
+import { hasWebGl } from './app/robot/use_body_view.ts';
 import { installDebugApi } from './app/shell/debug_api.ts';
 import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
 import { AbsentNotice, late, onDemand } from './app/shell/late.tsx';
@@ -12,11 +12,11 @@ import { leavePath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
 import { applyLinkSettings, queryOf } from './app/state/settings.ts';
 import { bindLanguage } from './app/text/language.ts';
-import { accessSettled } from './auth/settled.ts';
 import { recordingUrl } from './relay/recording_address.ts';
-import './app/styles/tokens.css';
-import './app/styles/page.css';
-import './app/styles/robot.css';
+import { accessSettled } from './relay/settled.ts';
+import './app/shell/styles/tokens.css';
+import './app/shell/styles/page.css';
+import './app/shell/styles/robot.css';
 
 /** `embed/index.html` is the same page for an iframe. It sends no request before it is on screen. */
 const EmbedPage = late(async () => (await import('./app/pages/embed/EmbedPage.tsx')).EmbedPage, onDemand);

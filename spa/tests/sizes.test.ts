@@ -58,8 +58,8 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     ['the page, with the worker of its stream', []],
     ['the page with the numbers', ['src/app/numbers/Panel.tsx']],
     ['the page with the list, without a worker', ['src/app/pages/list/RobotList.tsx']],
-    ['the first 3D view', ['src/three/index.ts']],
-    ['the first light view', ['src/canvas2d/view.ts']],
+    ['the first 3D view', ['src/scene/three/index.ts']],
+    ['the first light view', ['src/scene/canvas2d/view.ts']],
   ])('%s is within its limit', (name, parts) => {
     const files = [...filesOf(...PAGE, ...parts)];
     if (!name.includes('without a worker')) files.push(theOne(/^worker-/));
@@ -90,7 +90,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
   });
 
   it('signing in comes to nobody who does not sign in, in 40 kB', () => {
-    const account = chunks()['src/auth/account.ts']?.file ?? 'no such chunk';
+    const account = chunks()['src/relay/account.ts']?.file ?? 'no such chunk';
     expect(read(account).toString()).toContain('identitytoolkit');
     expect(kb(account, 'gz')).toBeLessThan(SIGN_IN_KB);
     for (const file of filesOf(...PAGE, 'src/app/pages/list/RobotList.tsx'))
@@ -101,10 +101,12 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
     const files = filesOf(
       ...PAGE,
       'src/app/numbers/Panel.tsx',
-      'src/three/index.ts',
+      'src/scene/three/index.ts',
       'src/app/pages/recording/RecordingPage.tsx',
     );
-    const own = ['src/past/save/save.ts', 'src/view/balance.ts'].map((name) => chunks()[name]?.file);
+    const own = ['src/past/save/save.ts', 'src/scene/signs/balance/balance_picture.ts'].map(
+      (name) => chunks()[name]?.file,
+    );
     for (const file of own) expect(files).not.toContain(file ?? 'no such chunk');
   });
 });

@@ -1,8 +1,8 @@
 import { useEffect, useLayoutEffect, useState } from 'react';
 import { recordingUrl } from '../relay/recording_address.ts';
 import { relayChoice } from '../relay/relay.ts';
+import { isolated } from '../twin/names.ts';
 import { closeLocal, listenForDrops, useLocal } from './pages/local/local.ts';
-import { NothingHere } from './pages/NothingHere.tsx';
 import { RobotPage } from './pages/RobotPage.tsx';
 import { ErrorBoundary } from './shell/ErrorBoundary.tsx';
 import { AbsentNotice, late, onDemand } from './shell/late.tsx';
@@ -11,6 +11,7 @@ import { useHash } from './state/hash.ts';
 import type { RobotLink } from './state/robot_link.ts';
 import { parseRoute } from './state/route.ts';
 import { useText } from './text/language.ts';
+import { useMore } from './text/more.ts';
 
 // Loaded on demand: a visitor who opens a robot needs no list.
 const RobotList = late(async () => (await import('./pages/list/RobotList.tsx')).RobotList, onDemand);
@@ -95,5 +96,30 @@ function DropNotice() {
         {text.close}
       </button>
     </div>
+  );
+}
+
+/** The page for an unknown address, or for an address with a relay that this page may not read. */
+function NothingHere({ hash, refused }: { hash: string; refused: string | null }) {
+  const text = useMore();
+  if (refused !== null) {
+    return (
+      <main className="broken" data-testid="relay-refused">
+        <h1>{text.notFromThere}</h1>
+        <p>{text.relayRefused(isolated(refused))}</p>
+        <a className="text-button" href={`${window.location.pathname}${hash}`}>
+          {text.ownRelay}
+        </a>
+      </main>
+    );
+  }
+  return (
+    <main className="broken">
+      <h1>{text.nothingHere}</h1>
+      <p>{text.namesNothing(isolated(hash))}</p>
+      <a className="text-button" href="#/">
+        {text.backToAll}
+      </a>
+    </main>
   );
 }

@@ -1,3 +1,4 @@
+import { Emitter } from '../kit.ts';
 import { firstPaint } from './first_paint.ts';
 import { answers, untilRetry } from './retry.ts';
 
@@ -18,7 +19,7 @@ export class LatePart<T> {
   /** Whether it may be fetched before it is needed. */
   readonly ahead: () => boolean;
   readonly #load: () => Promise<T>;
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   #value: T | null = null;
   #trying: Promise<boolean> | null = null;
   #coming: Promise<T> | null = null;
@@ -38,10 +39,7 @@ export class LatePart<T> {
     this.#coming !== null && this.#value === null && (this.#failures > 0 || away);
 
   /** Adds a listener for `value` and `failed`. Returns a function that removes it. */
-  readonly subscribe = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly subscribe = this.#changed.on;
 
   /** Resolves when it has loaded. Never rejects. */
   load(): Promise<T> {
@@ -81,7 +79,7 @@ export class LatePart<T> {
   }
 
   readonly #tell = (): void => {
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   };
 }
 

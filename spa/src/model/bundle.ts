@@ -1,5 +1,5 @@
-import { request } from '../auth/request.ts';
-import { tokenFor } from '../auth/token.ts';
+import { request } from '../relay/request.ts';
+import { tokenFor } from '../relay/token.ts';
 
 /**
  * Loads a robot's bundle over HTTP: the manifest names every file, and the scene fetches those it needs.

@@ -4,9 +4,9 @@
  */
 
 import { readStored } from '../browser/storage.ts';
-import { asAnyone } from './as_anyone.ts';
 import type { Accounts, Choice } from './config.ts';
 import { recordingUrl } from './recording_address.ts';
+import { asAnyone } from './token.ts';
 
 /** How long to wait for `config.json`, which is as fast to load as the page beside it. After that the page uses its own origin
  *  for good, so the limit is generous for slow connections and busy devices. */

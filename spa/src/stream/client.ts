@@ -1,12 +1,54 @@
 import { Close, revived } from '@posecast/wire';
-import { request, signInNeeded } from '../auth/request.ts';
-import { onAccountToken, tokenFor } from '../auth/token.ts';
+import { Emitter } from '../kit.ts';
+import { request, signInNeeded } from '../relay/request.ts';
+import { onAccountToken, tokenFor } from '../relay/token.ts';
 import type { RobotTwin } from '../twin/robot.ts';
 import { countSleep, nowMs } from './clock.ts';
 import { takeStream } from './early_stream.ts';
 import type { Ending, FromStream, Phase, Problem, ToStream } from './messages.ts';
-import { PageVisibility } from './page_visibility.ts';
 import type { Transport } from './transport.ts';
+
+/**
+ * Whether this page can be seen: its tab is in front and, where it is embedded in another page, its frame is scrolled into view.
+ * A hidden page requests no poses from the relay.
+ */
+export class PageVisibility {
+  #onScreen = true;
+  #seen: boolean;
+  readonly #tell: (seen: boolean) => void;
+  readonly #leave = new AbortController();
+
+  /** `tell` is called at every change, but not for the first value (see `visible`). */
+  constructor(tell: (seen: boolean) => void) {
+    this.#tell = tell;
+    this.#seen = !document.hidden;
+    const { signal } = this.#leave;
+    document.addEventListener('visibilitychange', this.#look, { signal });
+    if (typeof IntersectionObserver === 'undefined') return;
+    // Without an explicit root, it observes the viewport of the outermost page, even from inside an iframe.
+    const observer = new IntersectionObserver((entries) => {
+      this.#onScreen = entries.at(-1)?.isIntersecting ?? true;
+      this.#look();
+    });
+    observer.observe(document.documentElement);
+    signal.addEventListener('abort', () => observer.disconnect());
+  }
+
+  get visible(): boolean {
+    return this.#seen;
+  }
+
+  close(): void {
+    this.#leave.abort();
+  }
+
+  readonly #look = (): void => {
+    const seen = !document.hidden && this.#onScreen;
+    if (seen === this.#seen) return;
+    this.#seen = seen;
+    this.#tell(seen);
+  };
+}
 
 /** State of the connection for the page. Every change makes a new object, so compare by identity. */
 export interface Link {
@@ -66,7 +108,7 @@ export class StreamClient {
   readonly #twin: RobotTwin;
   readonly #url: string;
   readonly #worker: Worker;
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   readonly #leave = new AbortController();
   #seen = true;
   #resting = false;
@@ -106,10 +148,7 @@ export class StreamClient {
     window.addEventListener('pageshow', (event) => event.persisted && wake(), { signal });
   }
 
-  readonly onChange = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onChange = this.#changed.on;
 
   /** Reconnects now instead of waiting for the next retry. `isAsked`: the viewer asked for it. */
   wake(isAsked = false): void {
@@ -237,6 +276,6 @@ export class StreamClient {
 
   #set(changed: Partial<Link>): void {
     this.link = { ...this.link, ...changed };
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 }

@@ -1,4 +1,4 @@
-import { tokenFor } from '../auth/token.ts';
+import { tokenFor } from '../relay/token.ts';
 import { countSleep } from './clock.ts';
 import type { FromStream, ToStream } from './messages.ts';
 import workerUrl from './worker.ts?worker&url';

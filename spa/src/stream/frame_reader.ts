@@ -8,9 +8,9 @@ import {
   TAG_KEY,
 } from '@posecast/wire';
 import { poseDiffers } from '../twin/pose_change.ts';
+import type { Delay } from './lateness.ts';
 import type { FromStream } from './messages.ts';
-import type { Delay } from './pacing/lateness.ts';
-import { RateMeter } from './pacing/rate_meter.ts';
+import { RateMeter } from './pacing.ts';
 
 /** After a longer pause between frames, the pose may have moved meanwhile, so it counts as changed. */
 const GAP_MS = 2500;

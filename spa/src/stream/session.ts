@@ -1,22 +1,40 @@
 import {
   type Bye,
   Close,
+  type Hello,
   parseRelayMessage,
+  type RateGranted,
   type RelayMessage,
   retryOf,
   type ViewerMessage,
+  WIRE_VERSION,
 } from '@posecast/wire';
 import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
 import { FrameReader } from './frame_reader.ts';
+import { type Delay, Lateness, lowerHz, Silence } from './lateness.ts';
 import type { Action, Ending, FromStream, Phase } from './messages.ts';
-import { Acknowledgements } from './pacing/acknowledgements.ts';
-import { retryDelayMs, WAIT_S } from './pacing/backoff.ts';
-import { type Delay, Lateness, lowerHz, Silence } from './pacing/lateness.ts';
-import { RateWish } from './pacing/rate_wish.ts';
-import { RoundTrip } from './pacing/round_trip.ts';
-import { helloPosts, ratePost } from './relay_posts.ts';
-import { pingAddress, streamAddress } from './stream_address.ts';
+import { Acknowledgements, RateWish, RoundTrip, retryDelayMs, WAIT_S } from './pacing.ts';
 import { type Transport, TransportChoice } from './transport.ts';
+
+/** Reasons for a rate that the page need not explain. */
+const AS_WISHED = new Set(['', 'asked', 'recovered']);
+const SLOW_NETWORK = 'slow network';
+
+/** The posts for a hello. `isSlowed`: the requested rate is lower than wanted, because the network is slow. */
+function helloPosts({ wire, hz, model, limits }: Hello, isSlowed: boolean): FromStream[] {
+  const delayS = limits.get('delay_s') ?? 0;
+  const posts: FromStream[] = [
+    { kind: 'rate', hz, reason: isSlowed ? SLOW_NETWORK : null },
+    { kind: 'model', hash: model },
+    { kind: 'behind', ms: delayS > 0 ? 1000 * delayS : null },
+  ];
+  if (wire !== WIRE_VERSION) posts.push({ kind: 'problem', problem: { what: 'newer', detail: `${wire}` } });
+  return posts;
+}
+
+function ratePost({ hz, reason }: RateGranted): FromStream {
+  return { kind: 'rate', hz, reason: AS_WISHED.has(reason) ? null : reason };
+}
 
 /** A status arrives at least once a second: if three are missing, the socket is dead although it did not close. */
 export const SILENT_LIMIT_MS = 3000;
@@ -451,4 +469,17 @@ export class Session {
   #sendAsk(): void {
     this.#actions.push({ do: 'ask', url: pingAddress(this.#url) });
   }
+}
+
+/** The address to connect to for a rate. `url`: the stream's own; for events the token goes in a header, and for segments none is
+ *  sent. */
+function streamAddress(url: string, by: Transport, hz: number, hasToken: boolean): string {
+  if (by === 'mirror') return url;
+  if (by === 'events') return `${url.replace(/^ws/, 'http')}.sse?hz=${hz}`;
+  return `${url}?hz=${hz}${hasToken ? '&auth=1' : ''}`;
+}
+
+/** The address that answers with the clock of the relay that sends the stream at `url`. */
+function pingAddress(url: string): string {
+  return new URL('../../ping', url.replace(/^ws/, 'http')).href;
 }

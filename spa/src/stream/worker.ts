@@ -1,14 +1,14 @@
 /// <reference lib="webworker" />
 import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
-import { Overlap } from './handover/overlap.ts';
-import { ToldFaults } from './handover/told_faults.ts';
 import laneUrl from './lane/lane_script.ts?worker&url';
 import type { EventMark, LaneHandlers, OpenLane, ShownFrame } from './lane_port.ts';
 import { Mailbox } from './mailbox.ts';
 import type { Action, FromStream, ToStream } from './messages.ts';
+import { Overlap } from './overlap.ts';
 import { Session } from './session.ts';
 import type { EventStream, StreamEvent } from './sse.ts';
+import { ToldFaults } from './told_faults.ts';
 import type { Transport } from './transport.ts';
 
 /** The worker thread that owns the socket: it performs the session's actions and reports events to the session. */

@@ -1,4 +1,5 @@
 import type { EventMessage, Schema } from '@posecast/wire';
+import { Emitter } from '../kit.ts';
 import { JointTable } from './joints.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
 import { NO_EDITS, type ThresholdEdits, ValueLimits } from './limits/limits.ts';
@@ -67,8 +68,8 @@ export class RobotTwin {
   #watching = true;
   /** Moved to another relay that has reported nothing about the robot yet. */
   #moved = false;
-  readonly #stateListeners = new Set<() => void>();
-  readonly #changeListeners = new Set<() => void>();
+  readonly #frames = new Emitter();
+  readonly #changes = new Emitter();
 
   constructor(robot: string, nowMs: number) {
     this.robot = robot;
@@ -92,15 +93,9 @@ export class RobotTwin {
     return this.schema === null ? this.robot : isolated(this.schema.robot);
   }
 
-  onState(listener: () => void): () => void {
-    this.#stateListeners.add(listener);
-    return () => this.#stateListeners.delete(listener);
-  }
+  readonly onState = this.#frames.on;
 
-  onChange(listener: () => void): () => void {
-    this.#changeListeners.add(listener);
-    return () => this.#changeListeners.delete(listener);
-  }
+  readonly onChange = this.#changes.on;
 
   /** A new schema makes the old codes meaningless: they are dropped, and nothing is shown until a frame of it arrives. */
   acceptSchema(schema: Schema): void {
@@ -133,7 +128,7 @@ export class RobotTwin {
     if (this.#watching) this.evidence.changedMs = state.changedMs; // otherwise no later frame would report the change
     this.#shows(state.bornMs);
     this.heard(state.atMs - (state.lateMs ?? 0)); // a delayed frame proves nothing about the time since
-    for (const listener of this.#stateListeners) listener();
+    this.#frames.emit();
   }
 
   /** Takes the states that led up to the newest one, oldest first, with its schema. State listeners are called again with that
@@ -141,7 +136,7 @@ export class RobotTwin {
   acceptLead(lead: readonly LeadState[]): void {
     if (this.state === null) return;
     this.lead = lead;
-    for (const listener of this.#stateListeners) listener();
+    this.#frames.emit();
   }
 
   /** Takes the relay's status. A relay to which the page has just moved may not know the robot yet: its status is ignored until
@@ -227,7 +222,7 @@ export class RobotTwin {
 
   /** Adds earlier events among the known ones of the same count. `isAll`: see `hasAllEvents`. */
   acceptEarlier(earlier: readonly EventMessage[], isAll: boolean): void {
-    // end events made up for missed ones (`stream/handover/missed_ends.ts`) are replaced by the real ones
+    // end events made up for missed ones (`stream/lane/part_player.ts`) are replaced by the real ones
     const known = this.events.filter(({ n }) => earlier.length === 0 || Number.isInteger(n));
     const kept = earlier.filter((event) => !this.#isDeleted(event));
     const byN = new Map([...kept, ...known].map((event) => [event.n, event]));
@@ -287,6 +282,6 @@ export class RobotTwin {
 
   #changed(): void {
     this.version += 1;
-    for (const listener of this.#changeListeners) listener();
+    this.#changes.emit();
   }
 }

@@ -375,7 +375,9 @@ class ZenohPublisher:
                 self._watch.record_question(asked_s)
             echo = self._echo_of(session)
             with self._watch_lock:
-                if self.connected:
+                if (
+                    self.connected and self._session is session
+                ):  # not the time of a link that a newer one replaced
                     self._watch.record_answer(echo, asked_s, time.monotonic())
                     self.echoes += 1
             # a valid certificate opens the link even if it has a wrong name

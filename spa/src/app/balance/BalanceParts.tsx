@@ -1,5 +1,5 @@
 import { LatePart } from '../../browser/late_part.ts';
-import { couldStand } from '../../twin/balance/told/could_stand.ts';
+import { couldStand } from '../../twin/balance/lacks.ts';
 import { late, onDemand } from '../shell/late.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings, useSettings } from '../state/settings.ts';
@@ -7,7 +7,7 @@ import { settings, useSettings } from '../state/settings.ts';
 /** Draws and reports balance. Loaded only for robots that can stand, and only when the viewer wants it. */
 export const BALANCE = new LatePart(async () => {
   const parts = [
-    import('../../view/balance.ts'),
+    import('../../scene/signs/balance/balance_picture.ts'),
     import('./balance_watch.ts'),
     import('./Stood.tsx'),
   ] as const;

@@ -3,7 +3,7 @@ import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { toggleTrace, useTraces } from '../state/traces.ts';
 import { useBalanceText } from '../text/balance.ts';
-import { VALUES, writeValues } from './balance_values.ts';
+import { VALUES, writeValues } from './balance_traces.ts';
 import { balanceOf } from './balance_watch.ts';
 
 /** Numbers that change faster can't be read. */

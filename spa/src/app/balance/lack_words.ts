@@ -1,4 +1,4 @@
-import type { Lack } from '../../twin/balance/told/lacks.ts';
+import type { Lack } from '../../twin/balance/lacks.ts';
 import { isolated } from '../../twin/names.ts';
 import type { BalanceText } from '../text/balance.ts';
 

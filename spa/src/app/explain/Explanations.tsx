@@ -1,11 +1,14 @@
 import './explained.css';
 import { type CSSProperties, useEffect, useId, useRef, useState } from 'react';
+import type { RobotTwin } from '../../twin/robot.ts';
+import { Dialog } from '../shell/Dialog.tsx';
 import { usePageKeys } from '../shell/page_keys.ts';
 import type { RobotLink } from '../state/robot_link.ts';
+import { useBalanceText } from '../text/balance.ts';
 import { useMore } from '../text/more.ts';
-import { type Asked, explain, keysOfLabel, placeOf } from './asked.ts';
-import { explainedBy, useCatalogue } from './catalogue.ts';
-import { Glossary } from './Glossary.tsx';
+import { usePastText } from '../text/past.ts';
+import { type Asked, explain, explainFlags, keysOfLabel, placeOf } from './asked.ts';
+import { type Catalogue, type Explained, explainedBy, SECTIONS, useCatalogue } from './catalogue.ts';
 import { pressedLabel } from './pressed_sign.ts';
 
 const WIDTH_PX = 320;
@@ -128,4 +131,48 @@ function besideStyle({ left, top, bottom }: Asked['at']): CSSProperties {
   return below >= top
     ? { ...at, top: bottom + GAP_PX, maxHeight: below - GAP_PX - EDGE_PX }
     : { ...at, bottom: window.innerHeight - top + GAP_PX, maxHeight: top - GAP_PX - EDGE_PX };
+}
+
+/** A dialog with everything that the page explains, and with the flags of this robot. */
+function Glossary(props: { catalogue: Catalogue; twin: RobotTwin; onClose: () => void }) {
+  const { catalogue, twin, onClose } = props;
+  const text = useMore();
+  const pastText = usePastText();
+  const balanceText = useBalanceText();
+  const titles = {
+    words: text.wordsExplained,
+    timeLine: pastText.timeLine,
+    columns: text.columnsExplained,
+    signs: text.signs,
+    balance: balanceText.balance,
+    sensors: text.sensorsExplained,
+    units: text.unitsExplained,
+  };
+  const flags = explainFlags(twin);
+  return (
+    <Dialog title={text.allExplained} testId="glossary" onClose={onClose}>
+      {SECTIONS.map((section) => (
+        <Part key={section} title={titles[section]} entries={Object.entries(catalogue[section])} />
+      ))}
+      {flags.length > 0 && <Part title={text.flagsExplained} entries={flags} />}
+    </Dialog>
+  );
+}
+
+function Part({ title, entries }: { title: string; entries: readonly (readonly [string, Explained])[] }) {
+  return (
+    <section className="glossary" aria-label={title}>
+      <h3 className="quiet">{title}</h3>
+      <dl>
+        {entries.map(([key, { name, what, how }]) => (
+          <div key={key}>
+            <dt>{name}</dt>
+            <dd>
+              {what} <span className="quiet">{how}</span>
+            </dd>
+          </div>
+        ))}
+      </dl>
+    </section>
+  );
 }

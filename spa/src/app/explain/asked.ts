@@ -1,7 +1,6 @@
 import { fillSentence } from '../../twin/alarms/sentence.ts';
 import { flagWords } from '../../twin/format.ts';
-import { isolated } from '../../twin/names.ts';
-import { wordsOfName } from '../../twin/plain_names.ts';
+import { isolated, wordsOfName } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { languageTag } from '../text/language.ts';
 import { more } from '../text/more.ts';

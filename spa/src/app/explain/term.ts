@@ -1,4 +1,4 @@
-import { createElement } from '../numbers/grid/cells.ts';
+import { createElement } from '../shell/cells.ts';
 
 /** A word that opens its explanation when pressed. `key` as in the catalogue: `columns.pos`; for `units`, the element's text says
  *  which unit. */

@@ -1,16 +1,18 @@
-import { type KeyboardEvent, useEffect, useLayoutEffect, useRef } from 'react';
+import { type KeyboardEvent, useEffect, useLayoutEffect, useRef, useSyncExternalStore } from 'react';
+import { createElement } from '../shell/cells.ts';
 import { late } from '../shell/late.tsx';
 import { ROOM_FOR_BOTH, useMedia } from '../shell/media.ts';
+import { refreshWith } from '../shell/refresh.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { onSelection, selection, useSelectedJoint } from '../state/selection.ts';
+import { changeSettings, useSettings } from '../state/settings.ts';
 import { useTraces } from '../state/traces.ts';
 import { onLanguage, say, useText } from '../text/language.ts';
+import { useMore } from '../text/more.ts';
 import { FaultLine } from './alarms/FaultLine.tsx';
-import { createElement } from './grid/cells.ts';
-import { refreshWith } from './grid/refresh.ts';
-import { carryValues } from './grid/value_drag.ts';
+import { filterText, onFilter, setFilter } from './table/filter.ts';
 import { JointView, type TableSources } from './table/joint_view.ts';
-import { TableTools } from './table/TableTools.tsx';
+import { carryValues } from './value_drag.ts';
 import './numbers.css';
 import './table/joints.css';
 
@@ -131,4 +133,46 @@ function JointNumbers({ link }: { link: RobotLink }) {
     };
   }, [link]);
   return <div className="numbers" ref={host} />;
+}
+
+/** The tools of the joint table: filter, sort order and unit. */
+function TableTools() {
+  const filter = useSyncExternalStore(onFilter, filterText);
+  const { limbs, angle } = useSettings();
+  const text = useMore();
+  const [now, other] = angle === 'rad' ? [text.inRadians, text.inDegrees] : [text.inDegrees, text.inRadians];
+  return (
+    <>
+      <input
+        type="search"
+        className="filter"
+        data-testid="filter"
+        placeholder={text.filter}
+        aria-label={text.filterJoints}
+        value={filter}
+        onChange={(event) => setFilter(event.target.value)}
+        onKeyDown={(event) => event.key === 'Escape' && setFilter('')}
+      />
+      <button
+        type="button"
+        className="tool"
+        aria-pressed={limbs}
+        data-testid="limbs"
+        title={text.limbByLimb}
+        onClick={() => changeSettings({ limbs: !limbs })}
+      >
+        {text.limbs}
+      </button>
+      <button
+        type="button"
+        className="tool"
+        data-testid="angle"
+        aria-label={`${angle}: ${text.changeIt(now)}`}
+        title={other}
+        onClick={() => changeSettings({ angle: angle === 'rad' ? 'deg' : 'rad' })}
+      >
+        {angle}
+      </button>
+    </>
+  );
 }

@@ -4,12 +4,12 @@ import { isolated } from '../../twin/names.ts';
 import { arrangeTraces } from '../../twin/plots/choice.ts';
 import { type TraceReading, traceReading } from '../../twin/plots/trace.ts';
 import { OpenFaults } from '../numbers/alarms/OpenFaults.tsx';
-import { refreshWith } from '../numbers/grid/refresh.ts';
+import { Chip } from '../robot/Chip.tsx';
+import { refreshWith } from '../shell/refresh.ts';
 import { useFaults } from '../state/fault_keeper.ts';
 import { type RobotLink, useVersion, useWord } from '../state/robot_link.ts';
 import { robotHref } from '../state/route.ts';
 import { useSettings } from '../state/settings.ts';
-import { Chip } from '../status/Chip.tsx';
 import { useMore } from '../text/more.ts';
 
 const MOST_VALUES = 12;

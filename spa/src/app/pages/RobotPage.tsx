@@ -1,17 +1,25 @@
-import { type ReactNode, useEffect, useLayoutEffect, useRef, useState } from 'react';
+import {
+  type ReactNode,
+  type RefObject,
+  useCallback,
+  useEffect,
+  useLayoutEffect,
+  useRef,
+  useState,
+} from 'react';
 import { isThen } from '../../twin/liveness.ts';
-import { Body } from '../body/Body.tsx';
 import type { Tab } from '../numbers/Panel.tsx';
 import { PastBelowBody } from '../past/PastBelowBody.tsx';
 import { missedMoment, useMomentNamed, usePast, useShown } from '../past/use_past.ts';
+import { Body } from '../robot/Body.tsx';
+import { Chip } from '../robot/Chip.tsx';
 import { Divider } from '../shell/Divider.tsx';
 import { showLink } from '../shell/debug_api.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
 import { usePageKeys, withKey } from '../shell/page_keys.ts';
-import { Sheet } from '../shell/Sheet.tsx';
-import { heightPx, type SheetHeight } from '../shell/sheet_heights.ts';
+import { heightPx, Sheet, type SheetHeight } from '../shell/Sheet.tsx';
 import { followPresentLinks, present, usePresenting } from '../state/presenting.ts';
 import {
   type RobotLink,
@@ -23,13 +31,11 @@ import {
 } from '../state/robot_link.ts';
 import { onSelection, selection } from '../state/selection.ts';
 import { changeSettings, useSettings } from '../state/settings.ts';
-import { Chip } from '../status/Chip.tsx';
-import { behindWords } from '../status/words.ts';
 import { say, useText } from '../text/language.ts';
-import { useFullscreen } from './fullscreen.ts';
+import { behindWords } from '../words/status.ts';
 
 const Panel = late(async () => (await import('../numbers/Panel.tsx')).Panel);
-const Announcer = lateAfterBody(async () => (await import('../status/Announcer.tsx')).Announcer);
+const Announcer = lateAfterBody(async () => (await import('../robot/Announcer.tsx')).Announcer);
 const Explanations = lateAfterBody(async () => (await import('../explain/Explanations.tsx')).Explanations);
 const ShareSheet = late(async () => (await import('../share/ShareSheet.tsx')).ShareSheet);
 const Presentation = late(async () => (await import('../present/Presentation.tsx')).Presentation);
@@ -257,4 +263,35 @@ function Split({ link, live, alone }: { link: RobotLink; live: RobotLink | null;
 function panelWidth(chosenPx: number | null, roomPx: number): number {
   const wanted = chosenPx ?? (roomPx >= 1200 ? 500 : roomPx >= 1000 ? 440 : 340);
   return Math.max(PANEL_LEAST_PX, Math.min(wanted, roomPx - BODY_LEAST_PX));
+}
+
+/** Whether the body is shown alone. `screen`: the browser's fullscreen mode; `page`: the body fills the page, because the
+ *  browser has no fullscreen here (an iPhone, an iframe without that permission). */
+type Fullscreen = 'off' | 'screen' | 'page';
+
+/** The fullscreen state of the element `page`, and a function that switches it on or off. Escape switches it off, too. */
+function useFullscreen(page: RefObject<HTMLElement | null>): {
+  fullscreen: Fullscreen;
+  toggle: () => void;
+} {
+  const [fullscreen, setFullscreen] = useState<Fullscreen>('off');
+
+  useEffect(() => {
+    const changed = () => setFullscreen(document.fullscreenElement === null ? 'off' : 'screen');
+    document.addEventListener('fullscreenchange', changed);
+    return () => document.removeEventListener('fullscreenchange', changed);
+  }, []);
+
+  // in the browser's own fullscreen mode the browser handles Escape
+  usePageKeys(fullscreen === 'page' ? () => ({ close: () => setFullscreen('off') }) : null);
+
+  const toggle = useCallback(() => {
+    if (fullscreen === 'page') setFullscreen('off');
+    else if (document.fullscreenElement) void document.exitFullscreen();
+    else if (document.fullscreenEnabled && page.current?.requestFullscreen) {
+      page.current.requestFullscreen().catch(() => setFullscreen('page'));
+    } else setFullscreen('page');
+  }, [fullscreen, page]);
+
+  return { fullscreen, toggle };
 }

@@ -1,27 +1,60 @@
-import '../styles/tools.css';
+import '../shell/styles/tools.css';
 import './row.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
-import { manifestUrl } from '../../auth/lane.ts';
-import type { RowMember, RowView } from '../../view/body_view.ts';
+import { manifestUrl } from '../../relay/lane.ts';
+import type { RowMember, RowView } from '../../scene/figure/body_view.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
-import { bindBody } from '../body/body_link.ts';
-import { CameraViews } from '../body/CameraViews.tsx';
-import { useCameraControls } from '../body/controls/use_camera_controls.ts';
-import { keepLoading } from '../body/keep_loading.ts';
-import { LoadLegend } from '../body/overlay/LoadLegend.tsx';
-import { OverlayMenu } from '../body/overlay/OverlayMenu.tsx';
-import { bindOverlay, type OverlayLink } from '../body/overlay/overlay_link.ts';
-import { ShownChoice } from '../body/overlay/ShownChoice.tsx';
-import { useBodyView } from '../body/use_body_view.ts';
-import { ViewNote } from '../body/ViewNote.tsx';
+import { ViewNote } from '../robot/BodyNotes.tsx';
+import { CameraViews, ShownChoice } from '../robot/BodyTools.tsx';
+import { bindBody } from '../robot/body_link.ts';
+import { Chip } from '../robot/Chip.tsx';
+import { keepLoading } from '../robot/keep_loading.ts';
+import { LoadLegend } from '../robot/LoadLegend.tsx';
+import { OverlayMenu } from '../robot/OverlayMenu.tsx';
+import { bindOverlay, type OverlayLink } from '../robot/overlay_link.ts';
+import { useBodyView } from '../robot/use_body_view.ts';
+import { useCameraControls } from '../robot/use_camera_controls.ts';
 import { BackIcon, IconButton, SettingsIcon } from '../shell/icons.tsx';
 import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
 import { robotHref } from '../state/route.ts';
-import { Chip } from '../status/Chip.tsx';
 import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
 import { NumbersCard } from './NumbersCard.tsx';
-import { placeApart } from './row_labels.ts';
+
+/** A rectangle, CSS px from the picture's upper left corner. */
+export interface LabelBox {
+  readonly left: number;
+  readonly top: number;
+  readonly width: number;
+  readonly height: number;
+}
+
+/** Space between a label and what is above it, CSS px. */
+const AIR = 4;
+
+/** Places labels near their `wished` positions: moved down just far enough that they overlap neither `taken` nor each other, and
+ *  within a picture of this width. */
+export function placeApart(
+  wished: readonly LabelBox[],
+  taken: readonly LabelBox[],
+  width: number,
+): LabelBox[] {
+  const placed: LabelBox[] = [];
+  for (const wish of wished) {
+    const left = Math.max(0, Math.min(wish.left, width - wish.width));
+    const inTheWay = [...taken, ...placed].filter(
+      (other) => other.left < left + wish.width && left < other.left + other.width,
+    );
+    let top = Math.max(0, wish.top);
+    // from top to bottom: moving a label down past one obstacle may bring it to the next
+    for (const other of inTheWay.sort((a, b) => a.top - b.top)) {
+      if (other.top < top + wish.height && top < other.top + other.height)
+        top = other.top + other.height + AIR;
+    }
+    placed.push({ ...wish, left, top });
+  }
+  return placed;
+}
 
 /** Labels move to avoid these. */
 const OVER_PICTURE = '.stage-views, .load-legend';

@@ -1,17 +1,23 @@
-import { useCallback, useState, useSyncExternalStore } from 'react';
-import { manifestUrl } from '../../auth/lane.ts';
+import { useCallback, useEffect, useState, useSyncExternalStore } from 'react';
 import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls } from '../../past/past_types.ts';
+import { manifestUrl } from '../../relay/lane.ts';
+import { isolated } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { late, onDemand } from '../shell/late.tsx';
+import { useNow } from '../shell/now.ts';
 import { usePageKeys } from '../shell/page_keys.ts';
+import { useFaults } from '../state/fault_keeper.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useStore } from '../state/use_store.ts';
-import { LiveNews } from './LiveNews.tsx';
+import { useMore } from '../text/more.ts';
+import { usePastText } from '../text/past.ts';
+import { faultSentence } from '../words/fault_sentence.ts';
 import type { OfferedFile } from './save/OfferedFiles.tsx';
 import { momentSheet } from './time_line/jump/moment_sheet.ts';
 import { pastKeys } from './time_line/past_keys.ts';
 import { type BelowTrack, TimeLine } from './time_line/TimeLine.tsx';
+import './live_news.css';
 
 const MomentSheet = late(async () => (await import('./time_line/jump/MomentSheet.tsx')).MomentSheet);
 const SaveSheet = late(async () => (await import('./save/SaveSheet.tsx')).SaveSheet, onDemand);
@@ -61,5 +67,30 @@ export function PastBar(props: {
         />
       )}
     </>
+  );
+}
+
+/** Says that a new fault occurred while the past is shown, with a link to it. */
+function LiveNews({ live, controls }: { live: RobotLink; controls: PastControls }) {
+  useNow(1000);
+  useMore(); // loads the words of the sentence
+  const text = usePastText();
+  const [seen, setSeen] = useState<ReadonlySet<string> | null>(null);
+  const faults = (useFaults(live.faults) ?? []).filter(
+    ({ level, clearedMs }) => level === 'fault' && clearedMs === null,
+  );
+  useEffect(() => {
+    if (seen === null) setSeen(new Set(faults.map(({ key }) => key)));
+  }, [seen, faults]);
+  const fresh = faults.find(({ key }) => seen !== null && !seen.has(key));
+  if (fresh === undefined) return null;
+  const { said } = faultSentence(live.twin, live.faults.log, fresh, live.faults.nowMs());
+  return (
+    <p className="past-news" role="alert" data-testid="past-news">
+      <span>{text.now(isolated(said))}</span>
+      <button type="button" className="text-button" onClick={() => controls.goLive()}>
+        {text.live}
+      </button>
+    </p>
   );
 }

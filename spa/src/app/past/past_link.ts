@@ -1,6 +1,3 @@
-import { pastUrl } from '../../auth/lane.ts';
-import { request } from '../../auth/request.ts';
-import { tokenFor } from '../../auth/token.ts';
 import { fetchPartsAhead } from '../../browser/late_part.ts';
 import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls, PastSink, PastState, Playhead } from '../../past/past_types.ts';
@@ -9,6 +6,9 @@ import { PastPlayer } from '../../past/player/past_player.ts';
 import { OwnTape } from '../../past/player/tape/own_tape.ts';
 import { MINUTE_MS, PAGE_MS } from '../../past/relay/past_documents.ts';
 import { RelayPast } from '../../past/relay/relay_past.ts';
+import { pastUrl } from '../../relay/lane.ts';
+import { request } from '../../relay/request.ts';
+import { tokenFor } from '../../relay/token.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isClaim, type Recorded } from '../../twin/liveness.ts';
 import { type LeadState, RobotTwin } from '../../twin/robot.ts';

@@ -1,8 +1,9 @@
+import { Emitter } from '../../kit.ts';
 import type { PastControls } from '../../past/past_types.ts';
 import { isOld, type Verdict } from '../../twin/liveness.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import type { Watch } from '../state/liveness_watch.ts';
-import { pastWords } from '../status/past_words.ts';
+import { pastWords } from '../words/moment.ts';
 
 /** The longest segment; until a segment is loaded, its first pose stands for all of it. */
 const NEAR_MS = 7000;
@@ -17,7 +18,7 @@ export class PastWatch implements Watch {
   readonly #twin: RobotTwin;
   readonly #momentMs: () => number;
   readonly #past: () => Pick<PastControls, 'playhead' | 'nowMs'>;
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   #was: (typeof WAS)[ThenWord] = null;
   #isOld = true; // nothing is loaded yet
 
@@ -44,13 +45,10 @@ export class PastWatch implements Watch {
     const isOldNow = isOld(this.verdict());
     if (isOldNow === this.#isOld) return;
     this.#isOld = isOldNow;
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 
-  readonly onWord = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onWord = this.#changed.on;
 
   verdict(): Verdict {
     const momentMs = this.#momentMs();

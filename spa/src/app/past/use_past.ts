@@ -1,10 +1,10 @@
 import { useCallback, useEffect, useRef, useState, useSyncExternalStore } from 'react';
-import { pastUrl } from '../../auth/lane.ts';
-import { request } from '../../auth/request.ts';
-import { tokenFor } from '../../auth/token.ts';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
+import { pastUrl } from '../../relay/lane.ts';
 import { relayChoice } from '../../relay/relay.ts';
+import { request } from '../../relay/request.ts';
+import { tokenFor } from '../../relay/token.ts';
 import { useHash } from '../state/hash.ts';
 import { momentIn } from '../state/moment.ts';
 import type { RobotLink } from '../state/robot_link.ts';

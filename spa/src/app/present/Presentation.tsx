@@ -3,22 +3,98 @@ import { type ReactNode, useEffect, useSyncExternalStore } from 'react';
 import { recordingUrl } from '../../relay/recording_address.ts';
 import { home } from '../../relay/relay.ts';
 import { nowMs } from '../../stream/clock.ts';
-import { isolated } from '../../twin/names.ts';
+import { type AngleUnit, displayOf, formatNumber } from '../../twin/format.ts';
+import { isolated, plainName } from '../../twin/names.ts';
+import type { RobotTwin } from '../../twin/robot.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
+import { Sign } from '../robot/Chip.tsx';
 import { QrCode } from '../share/QrCode.tsx';
 import { useNow } from '../shell/now.ts';
 import { usePageKeys } from '../shell/page_keys.ts';
+import { useFaults } from '../state/fault_keeper.ts';
 import { formatMoment, shownMoment, useShownSecond } from '../state/moment.ts';
 import { present } from '../state/presenting.ts';
 import { type RobotLink, useConnection, useIsOld, useVersion, useWord } from '../state/robot_link.ts';
 import { robotHref } from '../state/route.ts';
-import { Sign } from '../status/Chip.tsx';
-import { chipWords, stageWords } from '../status/words.ts';
+import { selectJoint, useSelectedJoint } from '../state/selection.ts';
+import { useSettings } from '../state/settings.ts';
+import { languageTag } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
 import { usePresentText } from '../text/present.ts';
-import { ChosenJoint } from './ChosenJoint.tsx';
-import { Cross } from './Cross.tsx';
-import { OpenFaultSentences } from './OpenFaultSentences.tsx';
+import { faultSentence } from '../words/fault_sentence.ts';
+import { chipWords, stageWords } from '../words/status.ts';
+
+const MOST = 3;
+
+/** The unacknowledged faults, each as a sentence; if there are many, the first ones and the number of the others. */
+function OpenFaultSentences({ link }: { link: RobotLink }) {
+  useNow(500); // updates how long they have lasted
+  useMore(); // loads the words of the sentences
+  const text = usePresentText();
+  const open = (useFaults(link.faults) ?? []).filter(({ acknowledged }) => !acknowledged);
+  return (
+    <ul className="present-faults" data-testid="present-faults">
+      {open.slice(0, MOST).map((fault) => {
+        const { said, code } = faultSentence(link.twin, link.faults.log, fault, link.faults.nowMs());
+        const isOver = fault.clearedMs !== null;
+        return (
+          <li key={fault.key}>
+            <i className="present-mark" data-level={fault.level} data-over={isOver} />
+            <span>
+              {said}{' '}
+              <small className="quiet">{[code, isOver ? text.ended : ''].filter(Boolean).join(' · ')}</small>
+            </span>
+          </li>
+        );
+      })}
+      {open.length > MOST && <li className="quiet">{text.moreFaults(open.length - MOST)}</li>}
+    </ul>
+  );
+}
+
+/** Additional values; the position is above them. */
+const ALSO = [
+  ['ref', 'reference'],
+  ['vel', 'velocity'],
+  ['effort', 'torque'],
+  ['cur', 'current'],
+  ['temp', 'heat'],
+] as const;
+/** Numbers that change faster can't be read. */
+const EVERY_MS = 250;
+
+/** The selected joint, large: its name, its position and its other readings. Empty if none is selected. */
+function ChosenJoint({ link }: { link: RobotLink }) {
+  useNow(EVERY_MS);
+  const joint = useSelectedJoint();
+  const { angle } = useSettings();
+  const text = useMore();
+  if (joint === null) return null;
+  const { twin } = link;
+  const plain = plainName(twin.schema, joint, languageTag());
+  return (
+    <section className="present-joint" aria-label={isolated(joint)} data-testid="present-joint">
+      <h3>
+        {isolated(joint)} {plain !== undefined && <span>{plain}</span>}
+        <Cross what={text.closeCard} onPress={() => selectJoint(null)} />
+      </h3>
+      <p className="present-value">{readingWords(twin, 'pos', joint, angle)}</p>
+      <dl>
+        {ALSO.map(([name, word]) => {
+          const value = readingWords(twin, name, joint, angle);
+          return (
+            value !== null && (
+              <div key={name}>
+                <dt>{text[word]}</dt>
+                <dd>{value}</dd>
+              </div>
+            )
+          );
+        })}
+      </dl>
+    </section>
+  );
+}
 
 /** Shown beside the robot while presenting, legible from the last row: its state and age, its balance, the selected joint, its
  *  faults as sentences, and the address for the audience. Escape or the cross ends presenting. `name`: of what is shown, safe to
@@ -120,4 +196,22 @@ function useZoom(): void {
       style.removeProperty('--zoom');
     };
   }, []);
+}
+
+/** A cross that ends or closes something while presenting. `what`: its label. */
+function Cross({ what, onPress }: { what: string; onPress: () => void }) {
+  return (
+    <button type="button" className="present-cross" title={what} aria-label={what} onClick={onPress}>
+      ×
+    </button>
+  );
+}
+
+/** A joint's newest value with its unit, "1.332 rad"; null if the robot does not report it. */
+function readingWords(twin: RobotTwin, field: string, joint: string, angle: AngleUnit): string | null {
+  const reported = twin.schema?.field(field);
+  if (reported == null || !reported.labels.includes(joint)) return null;
+  const unit = twin.schema?.mapping.unit(field, joint) ?? reported.unit;
+  const display = displayOf(unit, angle, reported.scale);
+  return `${formatNumber(twin.value(field, joint) ?? null, display).trim()} ${display.unit}`;
 }

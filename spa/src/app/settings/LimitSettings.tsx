@@ -1,7 +1,7 @@
-import '../styles/signs.css';
+import '../shell/styles/signs.css';
 import { useEffect, useId, useRef, useState } from 'react';
 import { type LimitChannel, limitChannels } from '../../twin/alarms/limit_channels.ts';
-import { MARGIN } from '../../twin/balance/told/margin_channel.ts';
+import { MARGIN } from '../../twin/balance/margin_limits.ts';
 import { displayOf } from '../../twin/format.ts';
 import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../../twin/limits/limits.ts';
 import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';

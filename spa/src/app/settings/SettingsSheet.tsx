@@ -2,17 +2,17 @@ import { recordingUrl } from '../../relay/recording_address.ts';
 import { accounts, relayChoice } from '../../relay/relay.ts';
 import { Dialog } from '../shell/Dialog.tsx';
 import { late } from '../shell/late.tsx';
+import { SettingChoice } from '../shell/SettingChoice.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
 import { ARROWS, changeSettings, type Settings, useSettings } from '../state/settings.ts';
 import { useText } from '../text/language.ts';
 import { useMore } from '../text/more.ts';
 import { KeysList } from './KeysSheet.tsx';
-import { SettingChoice } from './SettingChoice.tsx';
-import '../styles/choices.css';
-import '../styles/signs.css';
+import '../shell/styles/choices.css';
+import '../shell/styles/signs.css';
 
 /** Loaded when the sheet is opened, so that the page starts without it. */
-const SignIn = late(async () => (await import('../account/SignIn.tsx')).SignIn);
+const SignIn = late(async () => (await import('./SignIn.tsx')).SignIn);
 const LimitSettings = late(async () => (await import('./LimitSettings.tsx')).LimitSettings);
 
 /** Where the relay serves the guide; null for a page that reads no relay. */

@@ -1,6 +1,6 @@
 import { useEffect, useState } from 'react';
-import { tokenFor } from '../../auth/token.ts';
 import { home, relayChoice } from '../../relay/relay.ts';
+import { tokenFor } from '../../relay/token.ts';
 import { Command } from '../shell/Command.tsx';
 import { Dialog } from '../shell/Dialog.tsx';
 import { withKey } from '../shell/page_keys.ts';

@@ -1,4 +1,4 @@
-import type { EyePlace } from '../../view/body_view.ts';
+import type { EyePlace } from '../../scene/figure/body_view.ts';
 import { formatMoment } from '../state/moment.ts';
 import type { Settings } from '../state/settings.ts';
 

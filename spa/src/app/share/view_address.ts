@@ -1,4 +1,4 @@
-import type { BodyView } from '../../view/body_view.ts';
+import type { BodyView } from '../../scene/figure/body_view.ts';
 import { shownMoment } from '../state/moment.ts';
 import { presenting } from '../state/presenting.ts';
 import type { RobotLink } from '../state/robot_link.ts';

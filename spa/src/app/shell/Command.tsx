@@ -1,4 +1,4 @@
-import '../styles/command.css';
+import './styles/command.css';
 import { useState } from 'react';
 import { useListText } from '../text/list.ts';
 import { Icon, IconButton } from './icons.tsx';

@@ -1,4 +1,4 @@
-import '../styles/dialog.css';
+import './styles/dialog.css';
 import { type ReactNode, useEffect, useRef } from 'react';
 import { useText } from '../text/language.ts';
 import { Icon, IconButton } from './icons.tsx';

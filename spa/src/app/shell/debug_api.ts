@@ -1,9 +1,9 @@
-import type { RobotScene } from '../../three/index.ts';
-import type { BodyView } from '../../view/body_view.ts';
-import { cost } from '../numbers/grid/refresh.ts';
+import type { BodyView } from '../../scene/figure/body_view.ts';
+import type { RobotScene } from '../../scene/three/index.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import type { Settings } from '../state/settings.ts';
 import { settings } from '../state/settings.ts';
+import { cost } from './refresh.ts';
 
 /** Members that only the 3D renderer, or only the light view, has. */
 type OfOneView = Pick<RobotScene, 'signsOf' | 'robots' | 'topOf' | 'pixelRatio' | 'keepSharp'> & {

@@ -1,9 +1,9 @@
 import { type ComponentType, useEffect, useSyncExternalStore } from 'react';
-import { signInNeeded } from '../../auth/request.ts';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
-import { createStore } from '../../browser/store.ts';
+import { createStore } from '../../kit.ts';
+import { signInNeeded } from '../../relay/request.ts';
 import { useStore } from '../state/use_store.ts';
 import { useText } from '../text/language.ts';
 
@@ -70,4 +70,21 @@ export function AbsentNotice() {
       </button>
     </p>
   );
+}
+
+/** Starts something when its chunk has loaded: `code` resolves to the function that starts it, which returns the function
+ *  that stops it. If loading fails, nothing is started. Returns a function that stops it, or keeps it from starting. */
+export function startWhenLoaded(code: Promise<() => () => void>): () => void {
+  let left = false;
+  let end: (() => void) | null = null;
+  code.then(
+    (begin) => {
+      if (!left) end = begin();
+    },
+    () => {},
+  );
+  return () => {
+    left = true;
+    end?.();
+  };
 }

@@ -1,5 +1,6 @@
 import { useSyncExternalStore } from 'react';
 import { readStored, writeStored } from '../../browser/storage.ts';
+import { Emitter } from '../../kit.ts';
 import { acknowledgedText, type Fault, FaultLog, readAcknowledged } from '../../twin/alarms/fault_log.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 
@@ -10,7 +11,7 @@ export class FaultKeeper {
   /** The time of the displayed state. */
   readonly nowMs: () => number;
   readonly #key: string | null;
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   readonly #leave: readonly (() => void)[];
   #list: readonly Fault[] | null = null;
   /** Whether a frame or a fault has come. */
@@ -36,7 +37,7 @@ export class FaultKeeper {
     this.#log = new FaultLog();
     this.#list = null;
     this.#isSeen = false;
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 
   /** Waits for `recall`: until then, it is not known that there are no faults. */
@@ -62,10 +63,7 @@ export class FaultKeeper {
   readonly faults = (): readonly Fault[] | null => this.#list;
 
   /** Adds a listener for changes of `faults`. Returns a function that removes it. */
-  readonly onChange = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onChange = this.#changed.on;
 
   /** Marks faults as acknowledged by the viewer, and stores that. */
   acknowledge(faults: readonly Fault[]): void {
@@ -105,7 +103,7 @@ export class FaultKeeper {
     const list = faults.length > 0 || isKnown ? faults : null;
     if (this.#list === list) return;
     this.#list = list;
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 }
 

@@ -1,3 +1,4 @@
+import { Emitter } from '../../kit.ts';
 import { countSleep, nowMs } from '../../stream/clock.ts';
 import { isClaim, judge, newestAgeMs, STALE_AFTER_MS, type Verdict, type Word } from '../../twin/liveness.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
@@ -24,7 +25,7 @@ export class LivenessWatch implements Watch {
   readonly #twin: RobotTwin;
   readonly #onSlept: () => void;
   readonly #onDoubt: (sinceMs: number) => void;
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   readonly #leave: () => void;
   #verdict: Verdict;
   #timer: ReturnType<typeof setTimeout>;
@@ -59,10 +60,7 @@ export class LivenessWatch implements Watch {
   }
 
   /** Adds a listener for changes of the word or its cause. Returns a function that removes it. */
-  readonly onWord = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onWord = this.#changed.on;
 
   /** Stops the checks. */
   close(): void {
@@ -105,6 +103,6 @@ export class LivenessWatch implements Watch {
       this.#twin.evidence.otherwiseMs = this.#lookedMs;
       this.#onDoubt(this.#lookedMs);
     }
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 }

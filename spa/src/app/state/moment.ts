@@ -1,5 +1,5 @@
 import { useSyncExternalStore } from 'react';
-import { createStore } from '../../browser/store.ts';
+import { createStore } from '../../kit.ts';
 import type { PastControls } from '../../past/past_types.ts';
 import { queryOf } from './settings.ts';
 

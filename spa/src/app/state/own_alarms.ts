@@ -1,12 +1,13 @@
+import { Emitter } from '../../kit.ts';
 import { type Crossing, LimitLog } from '../../twin/alarms/limit_log.ts';
 import type { Threshold } from '../../twin/limits/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { SensorTable } from '../../twin/sensors/sensors.ts';
 
-/** The crossings of limits that this page alone watches, for one robot, and who listens for them. */
+/** The crossings of limits that this page alone watches, for one robot. */
 interface OwnAlarms {
   readonly log: LimitLog;
-  readonly listeners: Set<() => void>;
+  readonly changed: Emitter;
 }
 
 const kept = new WeakMap<RobotTwin, OwnAlarms>();
@@ -26,7 +27,7 @@ export function watchOwnLimits(twin: RobotTwin): void {
     const before = own.log.crossings;
     for (const { codes, atMs } of [...(lead ?? []), state])
       own.log.look(table.of.read(codes, limits), limits, atMs);
-    if (own.log.crossings !== before) tell(own);
+    if (own.log.crossings !== before) own.changed.emit();
   });
 }
 
@@ -41,7 +42,7 @@ export function noteComputed(
   const own = ownOf(twin);
   const before = own.log.crossings;
   own.log.note(title, reading, limit.threshold, atMs, limit.own);
-  if (own.log.crossings !== before) tell(own);
+  if (own.log.crossings !== before) own.changed.emit();
 }
 
 /** Forgets the crossings from a moment on, or all of them: the following data does not continue from them. A value beyond its
@@ -49,17 +50,13 @@ export function noteComputed(
 export function forgetOwnAlarms(twin: RobotTwin, sinceMs = Number.NEGATIVE_INFINITY): void {
   const own = ownOf(twin);
   own.log.begin(sinceMs);
-  tell(own);
+  own.changed.emit();
 }
 
 function ownOf(twin: RobotTwin): OwnAlarms {
-  const own = kept.get(twin) ?? { log: new LimitLog(), listeners: new Set() };
+  const own = kept.get(twin) ?? { log: new LimitLog(), changed: new Emitter() };
   kept.set(twin, own);
   return own;
-}
-
-function tell({ listeners }: OwnAlarms): void {
-  for (const listener of listeners) listener();
 }
 
 /** The newest crossings of limits that this page alone watches, newest last; empty if there were none or limits are not watched. */
@@ -71,7 +68,5 @@ export function ownAlarms(twin: RobotTwin): readonly Crossing[] {
  *  listener; the limits stay watched. */
 export function onOwnAlarms(twin: RobotTwin, listener: () => void): () => void {
   watchOwnLimits(twin);
-  const { listeners } = ownOf(twin);
-  listeners.add(listener);
-  return () => listeners.delete(listener);
+  return ownOf(twin).changed.on(listener);
 }

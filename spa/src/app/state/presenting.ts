@@ -1,4 +1,4 @@
-import { createStore } from '../../browser/store.ts';
+import { createStore } from '../../kit.ts';
 import { queryOf } from './settings.ts';
 import { useStore } from './use_store.ts';
 

@@ -1,9 +1,9 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
-import { laneUrl, leaveLane, manifestUrl } from '../../auth/lane.ts';
 import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { PastState } from '../../past/past_types.ts';
 import { streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
+import { laneUrl, leaveLane, manifestUrl } from '../../relay/lane.ts';
 import { isAbsent, type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isOld, type Word } from '../../twin/liveness.ts';

@@ -1,5 +1,5 @@
 import { useSyncExternalStore } from 'react';
-import { createStore } from '../../browser/store.ts';
+import { createStore } from '../../kit.ts';
 
 /** The selected joint, by its label in the robot's schema, and where it was selected. */
 export interface Selection {

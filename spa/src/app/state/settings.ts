@@ -1,8 +1,8 @@
 import { readStored, writeStored } from '../../browser/storage.ts';
-import { createStore } from '../../browser/store.ts';
+import { createStore } from '../../kit.ts';
+import type { FollowMode } from '../../scene/figure/body_view.ts';
 import type { AngleUnit } from '../../twin/format.ts';
 import type { LoadField } from '../../twin/sensors/load.ts';
-import type { FollowMode } from '../../view/body_view.ts';
 import { useStore } from './use_store.ts';
 
 /** The settings of the page. They are kept in this browser and never sent. */

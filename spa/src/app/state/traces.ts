@@ -1,4 +1,4 @@
-import { createStore } from '../../browser/store.ts';
+import { createStore } from '../../kit.ts';
 import type { Trace } from '../../twin/plots/trace.ts';
 import { useStore } from './use_store.ts';
 

@@ -1,6 +1,6 @@
 import { useSyncExternalStore } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
-import { createStore } from '../../browser/store.ts';
+import { createStore } from '../../kit.ts';
 import { onSettings, type Settings, settings } from '../state/settings.ts';
 import { en, type Text } from './en.ts';
 

@@ -1,19 +1,82 @@
 import type { EventMessage } from '@posecast/wire';
 import { isWithin } from '../../twin/spans.ts';
+import type { PastSource } from '../past_source.ts';
 import type { PastControls, PastEvent, Playhead, Span, Speed, Timeline } from '../past_types.ts';
-import { visitFault } from './fault_visits.ts';
+import { searchFault } from './fault_search.ts';
 import { Fill } from './fill.ts';
 import { KeyPageFetcher } from './key_page_fetcher.ts';
-import { LeadIn } from './lead_in.ts';
 import { type PastPorts, PlayheadState } from './playhead_state.ts';
 import { goSteps, playOn } from './playing.ts';
 import { Projector } from './projector.ts';
 import { jump, type PlayerParts, showWanted, want } from './seeking.ts';
 import { Loads, PAGE_MS } from './tape/loads.ts';
-import type { Alignment } from './tape/own_tape.ts';
+import type { Alignment, OwnTape } from './tape/own_tape.ts';
 import { listEvents, listRecentEvents } from './tape/recent_events.ts';
-import { Reel } from './tape/reel.ts';
+import { AROUND_MAX, Reel } from './tape/reel.ts';
 import { Tape, type TapeFrame } from './tape/tape.ts';
+
+/** How far back it goes, ms: as long as footprints are kept. */
+const LEAD_MS = 10_000;
+/** Its maximum number of frames. */
+export const LEAD_FRAMES_MAX = 300;
+
+interface LeadInPorts {
+  readonly source: PastSource;
+  readonly own: OwnTape;
+}
+
+/** The states that led up to a frame, for values that depend on history: a velocity, footprints. It fetches nothing. */
+class LeadIn {
+  constructor(
+    private readonly ports: LeadInPorts,
+    private readonly tape: Tape,
+    private readonly reel: Reel,
+  ) {}
+
+  /** The loaded frames before one, in its run, oldest first. */
+  before(last: TapeFrame): readonly TapeFrame[] {
+    const { source, own } = this.ports;
+    const fromMs = last.atMs - LEAD_MS;
+    const found = source
+      .segmentsIn({ fromMs, toMs: last.atMs })
+      .slice(-AROUND_MAX)
+      .flatMap((ref) => (ref.frames > 0 ? this.reel.framesOf(ref) : []));
+    this.tape.trim(last.atMs);
+    return [...found, ...own.since(fromMs)]
+      .filter(
+        (frame) =>
+          frame.atMs >= fromMs &&
+          frame.runId === last.runId &&
+          frame.schemaId === last.schemaId &&
+          this.tape.order(frame, last) < 0,
+      )
+      .sort((a, b) => this.tape.order(a, b))
+      .filter((frame, i, all) => i === 0 || this.tape.order(all[i - 1]!, frame) !== 0)
+      .slice(-LEAD_FRAMES_MAX);
+  }
+}
+
+/** A second press within this time continues from the fault of the first press, however far playback has moved since, ms. */
+const AGAIN_MS = 3000;
+/** While playing, going back skips a visit that started within this time, because it was just seen, ms. */
+const PLAYED_MS = 1000;
+
+/** Goes to the next or previous fault, unless the viewer does something else meanwhile. */
+async function visitFault(parts: PlayerParts, by: 1 | -1): Promise<void> {
+  const { ports, state } = parts;
+  const { acts, visited, isPast, clock } = state;
+  const isAgain = acts === visited.act + 1 && ports.nowMs() - visited.atMs < AGAIN_MS;
+  const fromMs = isAgain ? visited.goesMs : state.hereMs;
+  const slackMs = !isAgain && isPast && clock.running ? PLAYED_MS : 1;
+  const isObsolete = () => acts !== state.acts;
+  const mark = await searchFault(parts, by, fromMs, slackMs, isObsolete);
+  if (mark === null || isObsolete()) return;
+  state.visited = { goesMs: mark.goesMs, atMs: ports.nowMs(), act: acts };
+  const keptMs = state.keptMs(mark.goesMs);
+  state.leaveLoop(keptMs);
+  state.enter();
+  jump(parts, keptMs);
+}
 
 /**
  * Plays a robot's past into a sink: each frame in the segments, once and in order, and the page's own frames if there is no

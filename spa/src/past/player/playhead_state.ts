@@ -1,12 +1,62 @@
 import type { EventMessage } from '@posecast/wire';
+import { Emitter } from '../../kit.ts';
 import type { Recorded } from '../../twin/liveness.ts';
 import type { PastSource } from '../past_source.ts';
-import type { PastNote, PastSink, Playhead, Span, Timeline } from '../past_types.ts';
+import type { PastNote, PastSink, Playhead, Span, Speed, Timeline } from '../past_types.ts';
 import { PastNotes } from './notes.ts';
-import { PlayheadClock } from './playhead.ts';
-import { relayAhead } from './relay_now.ts';
 import type { OwnTape } from './tape/own_tape.ts';
 import { LOADS_MAX, type Pending } from './tape/reel.ts';
+
+/** Maximum age of the newest known moment while a robot is on air; if it is older, the relay's clock is unknown, ms. */
+const RECENT_MS = 15_000;
+
+/** The relay's clock minus the page's, ms, derived from the newest known moment; with `beforeMs`, the previous result. The newest
+ *  moment is a lower bound for the relay's time. While nothing new is known, the clocks are assumed to agree. */
+export function relayAhead(
+  beforeMs: number,
+  timeline: Pick<Timeline, 'toMs'>,
+  playhead: Pick<Playhead, 'at' | 'momentMs'>,
+  pageMs: number,
+): number {
+  const newestMs = playhead.at === 'live' ? Math.max(timeline.toMs, playhead.momentMs) : timeline.toMs;
+  const aheadMs = Math.max(beforeMs, newestMs - pageMs);
+  return aheadMs < -RECENT_MS ? Math.max(beforeMs, 0) : aheadMs;
+}
+
+/** The longest step that the page's clock counts between two ticks, ms: a page that was hidden or busy continues from where it
+ *  was. */
+export const LOOK_MS_MAX = 1000;
+
+/** The shown moment of the past, as the page's clock advances. Pure: the clock is passed in. */
+export class PlayheadClock {
+  #momentMs = 0;
+  #lookedMs = 0;
+  speed: Speed = 1;
+  /** The moment moves only while it runs. */
+  running = false;
+
+  get momentMs(): number {
+    return this.#momentMs;
+  }
+
+  /** Where the playhead is by now if nothing stops it. */
+  target(nowMs: number): number {
+    if (!this.running) return this.#momentMs;
+    return this.#momentMs + Math.min(LOOK_MS_MAX, Math.max(0, nowMs - this.#lookedMs)) * this.speed;
+  }
+
+  /** Continues from its position. */
+  run(nowMs: number): void {
+    this.running = true;
+    this.#lookedMs = nowMs;
+  }
+
+  /** Moves the playhead to a moment, where it continues. */
+  set(momentMs: number, nowMs: number): void {
+    this.#momentMs = momentMs;
+    this.#lookedMs = nowMs;
+  }
+}
 
 /** Minimum time between two calls of the listeners while only the moment advances, ms. */
 const CHANGE_EVERY_MS = 100;
@@ -54,7 +104,7 @@ export class PlayheadState {
   visited = { goesMs: 0, atMs: Number.NEGATIVE_INFINITY, act: 0 };
   readonly #ports: PastPorts;
   readonly #notes = new PastNotes();
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   /** The relay's clock minus the page's. */
   #aheadMs = Number.NEGATIVE_INFINITY;
   #playhead: Playhead;
@@ -189,10 +239,7 @@ export class PlayheadState {
     else this.wait(pending);
   }
 
-  readonly onChange = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onChange = this.#changed.on;
 
   /** Calls the listeners if something has changed, or if `always`; while only the moment advances, every `CHANGE_EVERY_MS`. */
   publish(always = false): void {
@@ -204,12 +251,12 @@ export class PlayheadState {
     }
     this.#changedMs = nowMs;
     this.#playhead = now;
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 
   close(): void {
     this.isPast = false;
-    this.#listeners.clear();
+    this.#changed.clear();
   }
 
   #show(momentMs: number): void {

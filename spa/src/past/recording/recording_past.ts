@@ -11,12 +11,13 @@ import {
   segmentPath,
   unpackSegment,
 } from '@posecast/wire';
+import { Emitter } from '../../kit.ts';
 import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
 import type { Span, Timeline } from '../past_types.ts';
 import { BoundedCache } from '../relay/bounded_cache.ts';
 import { PAGE_MS } from '../relay/past_documents.ts';
+import { SharedRequests } from '../relay/past_requests.ts';
 import { drawTimeline } from '../relay/past_timeline.ts';
-import { SharedRequests } from '../relay/shared_requests.ts';
 import { BYTES_MAX, type RecordingFiles } from './recording_files.ts';
 import type { RecordingIndex } from './recording_index.ts';
 
@@ -48,7 +49,7 @@ export class RecordingPast implements PastSource {
   readonly #shared = new SharedRequests();
   readonly #segments = new BoundedCache<string, Segment>(SEGMENTS_KEPT_BYTES);
   readonly #keys = new BoundedCache<number, readonly KeyPose[]>(KEYS_KEPT_BYTES);
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   readonly #losses = new Set<string>();
   /** The latest end of each segment and all earlier ones, ms: it never decreases. */
   readonly #reach: Float64Array;
@@ -83,10 +84,7 @@ export class RecordingPast implements PastSource {
     return this.#timeline;
   }
 
-  readonly onChange = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onChange = this.#changed.on;
 
   follow(): void {
     // nothing is added
@@ -165,7 +163,7 @@ export class RecordingPast implements PastSource {
   close(): void {
     this.#stopRedraw?.();
     this.#shared.close();
-    this.#listeners.clear();
+    this.#changed.clear();
   }
 
   #hasPoses(pageMs: number): boolean {
@@ -236,7 +234,7 @@ export class RecordingPast implements PastSource {
       this.#stopRedraw = null;
       const kept = this.#index.segments.filter((ref) => !this.#losses.has(nameOf(ref)));
       this.#timeline = drawTimeline(this.span, kept, []);
-      for (const listener of this.#listeners) listener();
+      this.#changed.emit();
     });
   }
 }

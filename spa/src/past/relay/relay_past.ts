@@ -8,6 +8,7 @@ import {
   type Segment,
   SegmentError,
 } from '@posecast/wire';
+import { Emitter } from '../../kit.ts';
 import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
 import type { Span, Timeline } from '../past_types.ts';
 import { BoundedCache } from './bounded_cache.ts';
@@ -22,8 +23,7 @@ import {
   readSummary,
 } from './past_documents.ts';
 import { nameOf, PastIndex, pageOf } from './past_index.ts';
-import { PastRequests, type RelayPorts } from './past_requests.ts';
-import { SharedRequests } from './shared_requests.ts';
+import { PastRequests, type RelayPorts, SharedRequests } from './past_requests.ts';
 
 const TICK_MS = 2000;
 const IDLE_MS = 15_000;
@@ -71,7 +71,7 @@ export class RelayPast implements PastSource {
   readonly #segments = new BoundedCache<string, Segment>(SEGMENTS_KEPT_BYTES);
   readonly #keys = new BoundedCache<number, KeysOfPage>(KEYS_KEPT_BYTES);
   readonly #schemas = new BoundedCache<string, Schema>(SCHEMAS_KEPT);
-  readonly #listeners = new Set<() => void>();
+  readonly #changed = new Emitter();
   #isNear = false;
   #isAsking = false;
   #isClosed = false;
@@ -94,10 +94,7 @@ export class RelayPast implements PastSource {
     return this.#index.timeline;
   }
 
-  readonly onChange = (listener: () => void): (() => void) => {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  };
+  readonly onChange = this.#changed.on;
 
   follow(how: 'idle' | 'near'): void {
     const isNearer = how === 'near' && !this.#isNear;
@@ -169,7 +166,7 @@ export class RelayPast implements PastSource {
     this.#isClosed = true;
     this.#stopTicking();
     this.#shared.close();
-    this.#listeners.clear();
+    this.#changed.clear();
   }
 
   #tick(): void {
@@ -368,7 +365,7 @@ export class RelayPast implements PastSource {
     const { timeline } = this;
     if (timeline === this.#told) return;
     this.#told = timeline;
-    for (const listener of this.#listeners) listener();
+    this.#changed.emit();
   }
 }
 

@@ -1,13 +1,11 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
 import type { Manifest } from '../../model/manifest.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
-import { withoutFormulas } from '../../twin/plots/csv.ts';
+import { withoutFormulas } from '../../twin/plots/window.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import { BlobParts } from './blob_parts.ts';
-import type { SavePorts } from './save_ports.ts';
+import { BlobParts, type SavePorts } from './save_ports.ts';
 import type { SavedBalance } from './saved_balance.ts';
-import { framesOf, modelsOf, type SavedFrame } from './saved_frames.ts';
-import type { SavedSpan } from './saved_span.ts';
+import { framesOf, modelsOf, type SavedFrame, type SavedSpan } from './saved_span.ts';
 
 /** Rows built at a time. */
 const ROWS = 32;

@@ -12,10 +12,8 @@ import {
   segmentPath,
 } from '@posecast/wire';
 import { Zip, ZipDeflate, ZipPassThrough } from 'fflate';
-import { BlobParts } from './blob_parts.ts';
-import type { SavePorts } from './save_ports.ts';
-import { modelsOf } from './saved_frames.ts';
-import type { SavedSegment, SavedSpan } from './saved_span.ts';
+import { BlobParts, type SavePorts } from './save_ports.ts';
+import { modelsOf, type SavedSegment, type SavedSpan } from './saved_span.ts';
 
 const PAGE_MS = 600_000;
 /** Target size of a page of KEYs; if there are too many, it has every n-th. */

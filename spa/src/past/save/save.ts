@@ -1,11 +1,78 @@
 /** Saves a span of a robot's past as one file: a separate chunk, loaded only for saving. */
-
+import type { SegmentRef } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
-import type { Lost, SaveFormat, SavePorts } from './save_ports.ts';
-import { loadSpan } from './saved_span.ts';
-import { writeSpan } from './write_span.ts';
+import { writeCsv } from './csv_file.ts';
+import { writePosecast } from './posecast_file.ts';
+import { type Lost, SaveError, type SaveFormat, type SavePorts } from './save_ports.ts';
+import { findSegments, loadSpan, type SavedSpan } from './saved_span.ts';
 
-export { type Measure, measureSpan } from './measure.ts';
+/** For a recording: the overhead of a segment, consisting of its first pose, its index row and its name. */
+const SEGMENT_BYTES = 800;
+
+/** What there is to save in a span, before it is fetched. */
+export interface Measure {
+  readonly frames: number;
+  /** The approximate size of the file. */
+  readonly bytes: number;
+  /** The end of the newest segment, unix ms: later data is in no segment yet. */
+  readonly untilMs: number;
+}
+
+type Ports = Pick<SavePorts, 'source' | 'models' | 'breathe' | 'signal'>;
+
+/** Estimates the result of saving a span from one of its segments. Rejects with a `SaveError`, or with the reason of the
+ *  signal. */
+export async function measureSpan(format: SaveFormat, span: Span, ports: Ports): Promise<Measure> {
+  const { source, signal } = ports;
+  const refs = await findSegments(source, span);
+  const untilMs = Math.max(...refs.map(({ toMs }) => toMs));
+  const counts = refs.map((ref) => Math.round(ref.frames * shareOf(ref, span)));
+  const frames = counts.reduce((sum, count) => sum + count, 0);
+  if (format === 'posecast') {
+    const sum = refs.reduce((bytes, ref) => bytes + ref.bytes + SEGMENT_BYTES, 0);
+    return { frames, bytes: sum + (await modelBytes(refs, ports)), untilMs };
+  }
+  let bytes = 0;
+  const sizes = new Map<string, number>();
+  for (const [i, ref] of refs.entries()) {
+    signal.throwIfAborted();
+    if (counts[i] === 0) continue;
+    const kind = `${ref.schema} ${ref.model}`;
+    const size = sizes.get(kind) ?? (await bytesOfFrame(format, ref, ports));
+    sizes.set(kind, size);
+    bytes += counts[i]! * size;
+  }
+  return { frames, bytes, untilMs };
+}
+
+/** The fraction of a segment that lies in a span. */
+function shareOf({ fromMs, toMs }: SegmentRef, span: Span): number {
+  const withinMs = Math.min(toMs, span.toMs) - Math.max(fromMs, span.fromMs);
+  return toMs > fromMs ? Math.min(1, Math.max(0, withinMs / (toMs - fromMs))) : 1;
+}
+
+/** The size of one frame of a segment; 0 if unavailable. */
+async function bytesOfFrame(format: SaveFormat, ref: SegmentRef, ports: Ports): Promise<number> {
+  const source = { ...ports.source, loadIndex: async () => {}, segmentsIn: () => [ref] };
+  try {
+    const loaded = await loadSpan({ ...ports, source }, ref, () => {});
+    const { blob } = await writeSpan(format, loaded, ports, () => {});
+    return blob.size / ref.frames;
+  } catch (error) {
+    if (error instanceof SaveError) return 0;
+    throw error;
+  }
+}
+
+async function modelBytes(refs: readonly SegmentRef[], { models }: Ports): Promise<number> {
+  let sum = 0;
+  for (const model of new Set(refs.flatMap((ref) => ref.model ?? []))) {
+    const files = await models.files(model).catch(() => []);
+    for (const { bytes } of files) sum += bytes;
+  }
+  return sum;
+}
+
 export { SaveError } from './save_ports.ts';
 
 /** The share of the work that is done once all segments are loaded. */
@@ -37,4 +104,20 @@ export function fileName(robot: string, fromMs: number, format: SaveFormat): str
   const day = [at.getFullYear(), two(at.getMonth() + 1), two(at.getDate())].join('-');
   const time = [at.getHours(), at.getMinutes(), at.getSeconds()].map(two).join('-');
   return `${robot}_${day}_${time}.${format}`;
+}
+
+/** Writes a span as a file. `onPart` receives the progress, 0…1; `lostModels`: how many models were unavailable. Rejects with the
+ *  reason of the signal. */
+function writeSpan(
+  format: SaveFormat,
+  span: SavedSpan,
+  ports: Pick<SavePorts, 'models' | 'breathe' | 'signal'>,
+  onPart: (part: number) => void,
+): Promise<{ readonly blob: Blob; readonly lostModels: number }> {
+  switch (format) {
+    case 'csv':
+      return writeCsv(span, ports, onPart);
+    case 'posecast':
+      return writePosecast(span, ports, onPart);
+  }
 }

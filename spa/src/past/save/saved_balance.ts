@@ -2,7 +2,7 @@ import type { Schema } from '@posecast/wire';
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import type { Manifest } from '../../model/manifest.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
-import type { SavedFrame } from './saved_frames.ts';
+import type { SavedFrame } from './saved_span.ts';
 
 /** The balance of the past, frame by frame in order. */
 export class SavedBalance {

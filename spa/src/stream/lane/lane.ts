@@ -1,16 +1,90 @@
-import type { Segment } from '@posecast/wire';
+import { decodeSegment, type RobotStatus, type Segment, SegmentError } from '@posecast/wire';
 import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
-import { RateMeter } from '../pacing/rate_meter.ts';
+import { RateMeter } from '../pacing.ts';
 import { type LaneAnswer, type PartName, readBeginning, readNext } from './answers.ts';
-import { EndOfPast } from './end_of_past.ts';
-import type { LaneAction } from './lane_action.ts';
 import { LookBack } from './look_back.ts';
 import type { MissedEvents } from './missed_events.ts';
 import { PartPlayer } from './part_player.ts';
 import { PlayClock } from './play_clock.ts';
-import { lastWordOf, readPart } from './received_part.ts';
-import { RequestPace } from './request_pace.ts';
+
+/** Requests that may follow one another at once: the lane's starting point, its newest part, the schema, the next part. */
+const BURST = 4;
+const EVERY_MS = 1000;
+
+/** Half a request is credited for each part received: a page that is behind must read faster than a robot sends. */
+const FOR_A_PART = 0.5;
+
+/** Allows one request a second on average, and a few at once after a rest, whatever the relay answers; two a second if each
+ *  brings a part. */
+class RequestPace {
+  #left = BURST;
+  #atMs = Number.NEGATIVE_INFINITY;
+
+  /** When the next request may be sent. */
+  whenFree(nowMs: number): number {
+    this.#refill(nowMs);
+    return this.#left >= 1 ? nowMs : nowMs + (1 - this.#left) * EVERY_MS;
+  }
+
+  recordRequest(nowMs: number): void {
+    this.#refill(nowMs);
+    this.#left -= 1;
+  }
+
+  recordPart(): void {
+    this.#left = Math.min(BURST, this.#left + FOR_A_PART);
+  }
+
+  #refill(nowMs: number): void {
+    this.#left = Math.min(BURST, this.#left + (nowMs - this.#atMs) / EVERY_MS);
+    this.#atMs = nowMs;
+  }
+}
+
+/** After this many consecutive parts that already existed, the end of the past is requested again. */
+const LOOK_EVERY = 3;
+/** If parts were missed, at most this many are fetched for their events; beyond that the lane skips to the newest. */
+const MISSED_MAX = 3;
+
+/** Tracks whether the lane has reached the end of the recorded data: it has if a request was held, or was answered with "not
+ *  yet". The starting point may be long past, because a cache may serve an old answer. In that case the lane reads on at once,
+ *  and asks for the end again now and then. */
+class EndOfPast {
+  /** Consecutive parts that already existed. */
+  #ready = 0;
+  /** The last known newest part. */
+  #told: PartName | null = null;
+
+  recordPart(wasHeld: boolean): void {
+    this.#ready = wasHeld ? 0 : this.#ready + 1;
+  }
+
+  recordNotYet(): void {
+    this.#ready = 0;
+  }
+
+  /** A single such part may just have been requested too late; two mean that the lane is behind. */
+  get isNear(): boolean {
+    return this.#ready < 2;
+  }
+
+  get isToBeAsked(): boolean {
+    return this.#ready > 0 && this.#ready % LOOK_EVERY === 0;
+  }
+
+  /** The next part of the lane: the one after the last, unless the newest is so far ahead that the picture is now too old. An
+   *  answer received earlier came from a cache. */
+  goOn(last: PartName | null, newest: PartName): PartName {
+    const told = this.#told;
+    this.#told = newest;
+    if (last === null) return newest;
+    const next = { take: last.take, index: last.index + 1 };
+    if (told?.take === newest.take && told.index === newest.index) return next;
+    const by = last.take === newest.take ? newest.index - last.index : Number.POSITIVE_INFINITY;
+    return by >= -1 && by <= MISSED_MAX ? next : newest;
+  }
+}
 
 /** The next part is requested this long before it is expected: the relay holds the request until it exists. */
 const AHEAD_MS = 800;
@@ -400,3 +474,40 @@ export class Lane {
     this.#actions.push({ do: 'end', code, reason });
   }
 }
+
+/** Which part was requested. */
+interface WantedPart extends PartName {
+  readonly robot: string;
+  readonly view: string | null;
+}
+
+/** The requested part; null if these bytes are not a part, or another one: a cache may have mixed them up. */
+function readPart(bytes: Uint8Array, { robot, view, take, index }: WantedPart): Segment | null {
+  try {
+    const segment = decodeSegment(bytes);
+    const { start } = segment;
+    const isSame =
+      start.robot === robot && start.view === view && start.take === take && start.index === index;
+    return isSame ? segment : null;
+  } catch (error) {
+    if (error instanceof SegmentError) return null;
+    throw error;
+  }
+}
+
+/** The robot's state at the end of a part. */
+function lastWordOf({ start, records }: Segment): RobotStatus {
+  const last = records.findLast((record) => record.kind === 'word');
+  return last?.kind === 'word' ? last.word : start.word;
+}
+
+/** The actions of a lane. `do: 'end'`: the lane has ended, with a code from the close table (wire/SPEC.md). */
+export type LaneAction =
+  /** Request this, below the address of the robot's past. Cancels an earlier request that is still open. */
+  | { readonly do: 'ask'; readonly path: string }
+  /** Send this additional request. Cancels an earlier one. */
+  | { readonly do: 'look'; readonly path: string }
+  | { readonly do: 'post'; readonly message: FromStream }
+  /** The relay has answered: the stream is open. */
+  | { readonly do: 'open' }
+  | { readonly do: 'end'; readonly code: number; readonly reason: string };

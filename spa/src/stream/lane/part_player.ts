@@ -1,12 +1,67 @@
-import type { EventMessage, RobotStatus, Segment, SegmentRecord, SegmentStart } from '@posecast/wire';
-import { missedEnds } from '../handover/missed_ends.ts';
-import { ToldFaults } from '../handover/told_faults.ts';
-import type { KnownBefore } from '../lane_port.ts';
+import {
+  type EventMessage,
+  parseRelayMessage,
+  type RobotStatus,
+  type Segment,
+  type SegmentRecord,
+  type SegmentStart,
+} from '@posecast/wire';
+import type { EventMark, KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
+import { causeOf, FAULTS_MAX, ToldFaults } from '../told_faults.ts';
 import type { Missing } from './missed_events.ts';
 import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';
-import { eventOf, ToldEvents } from './told_events.ts';
+
+const N_STEP = 2 ** -20;
+
+/** End events for faults of `told` that began before a moment (unix ms) and are no longer open, if their end was missed. `open`:
+ *  all open faults; `n`: the newest event's number. The end events get numbers between that one and the next. */
+function missedEnds(
+  told: readonly EventMessage[],
+  open: readonly EventMessage[],
+  atMs: number,
+  n: number,
+): EventMessage[] {
+  if (open.length >= FAULTS_MAX) return [];
+  const causes = new Set(open.map(causeOf));
+  return told
+    .filter((event) => event.at !== null && 1000 * event.at < atMs && !causes.has(causeOf(event)))
+    .map((event, i) => ({ ...event, n: n + (i + 1) * N_STEP, at: atMs / 1000, state: 'off' }));
+}
+
+/** Selects the events that the page does not have yet. The page takes a number that goes back in time to mean that the relay lost
+ *  count, so an old event must not be repeated. */
+class ToldEvents {
+  #newest: EventMark | null;
+
+  /** `newest`: the newest event that the page already has. */
+  constructor(newest: EventMark | null) {
+    this.#newest = newest;
+  }
+
+  /** The time of the newest known event, unix ms; 0: none. */
+  get newestMs(): number {
+    return 1000 * (this.#newest?.at ?? 0);
+  }
+
+  /** The event, unless it is known or older than the known ones. */
+  take(event: EventMessage): EventMessage | null {
+    const newest = this.#newest;
+    if (newest !== null) {
+      const [at, before] = [event.at ?? 0, newest.at ?? 0];
+      if (at < before || (at === before && event.n <= newest.n)) return null;
+    }
+    this.#newest = event;
+    return event;
+  }
+}
+
+/** An event given as text in a part; null if it is invalid. */
+function eventOf(text: string): EventMessage | null {
+  const event = parseRelayMessage(text);
+  return event?.type === 'event' ? event : null;
+}
 
 /** Data that arrived longer ago than this was held up on this device: it gets the current time. */
 const HELD_UP_MS = 50;

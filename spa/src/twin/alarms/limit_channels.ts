@@ -1,5 +1,5 @@
 import { JOINT, type Schema } from '@posecast/wire';
-import { MARGIN } from '../balance/told/margin_channel.ts';
+import { MARGIN } from '../balance/margin_limits.ts';
 import { ANY } from '../limits/limits.ts';
 import { SensorTable, type SensorWords } from '../sensors/sensors.ts';
 

@@ -2,12 +2,24 @@ import type { Ground } from '@posecast/wire';
 import type { Vec3 } from '../rotation.ts';
 import { addScaled, pointThrough, scale } from '../vectors.ts';
 import type { Balance, BalanceGap, Slide, Vec2 } from './balance.ts';
-import { captureTime, GRAVITY } from './capture_point.ts';
 import { CentreVelocity, follows } from './centre_velocity.ts';
 import { spanOf } from './convex_hull.ts';
 import { FootState } from './foot_state.ts';
 import { marginIn } from './margin.ts';
 import type { FootWrench, Standing } from './standing.ts';
+
+/** Standard gravity as a controller would use it, m/s². */
+const GRAVITY = 9.81;
+
+/**
+ * The offset of the capture point from the centre of mass per m/s, seconds: √(z/g), with the height z of the centre of mass above
+ * the floor (m). The capture point is x + ẋ·√(z/g): a robot that moves like a linear inverted pendulum has to step there to come
+ * to rest (Pratt, Carff, Drakunov and Goswami, "Capture Point: A Step toward Humanoid Push Recovery", Humanoids 2006). At or
+ * below the floor it is 0.
+ */
+export function captureTime(heightM: number): number {
+  return Math.sqrt(Math.max(0, heightM) / GRAVITY);
+}
 
 /** A foot starts to bear weight at this fraction of the robot's weight, and stops below the other. */
 const BEARS = 0.05;

@@ -1,6 +1,27 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
 import type { RobotState } from '../robot.ts';
 
+/** Finds joints that have lost their reading. A joint that never had one is left out: the table shows that it has none. */
+export class LostReadings {
+  readonly #schema: Schema;
+  readonly #read = new Set<string>();
+
+  constructor(schema: Schema) {
+    this.#schema = schema;
+  }
+
+  /** The joints, by the robot's names, whose position was read before and is missing in these codes. */
+  update(codes: Int32Array): string[] {
+    const pos = this.#schema.field('pos');
+    const lost: string[] = [];
+    pos?.labels.forEach((joint, i) => {
+      if (codes[pos.start + i] !== MISSING) this.#read.add(joint);
+      else if (this.#read.has(joint)) lost.push(joint);
+    });
+    return lost;
+  }
+}
+
 /**
  * Keeps the last reading of every channel and the time at which it was lost. If one of a robot's boards fails, frames continue
  * without its readings, and the page can show the last ones, marked as old. A new schema restarts it.

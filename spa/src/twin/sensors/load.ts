@@ -1,6 +1,5 @@
 import { JOINT, type Level, type Schema, type Threshold } from '@posecast/wire';
-import { LevelLatch, worseOf } from '../limits/level_latch.ts';
-import type { ValueLimits } from '../limits/limits.ts';
+import { LevelLatch, type ValueLimits, worseOf } from '../limits/limits.ts';
 import { valueAt } from '../values.ts';
 
 export type LoadField = 'cur' | 'temp';

@@ -1,6 +1,5 @@
 import type { Field, Level, Schema } from '@posecast/wire';
-import { LevelLatch } from '../limits/level_latch.ts';
-import { ValueLimits } from '../limits/limits.ts';
+import { LevelLatch, ValueLimits } from '../limits/limits.ts';
 import { isolated, placeOf } from '../names.ts';
 import { rpyOf, normalizeQuat as unitQuat } from '../rotation.ts';
 import type { ChannelReader } from '../values.ts';

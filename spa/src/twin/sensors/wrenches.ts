@@ -1,6 +1,5 @@
 import type { Field, Level, Schema, SensorMount, Threshold } from '@posecast/wire';
-import { LevelLatch, worseOf } from '../limits/level_latch.ts';
-import type { ValueLimits } from '../limits/limits.ts';
+import { LevelLatch, type ValueLimits, worseOf } from '../limits/limits.ts';
 import { isolated, placeOf } from '../names.ts';
 import type { Vec3 } from '../rotation.ts';
 import { valueAt } from '../values.ts';

@@ -5,11 +5,10 @@ import { isolated, plainName } from '../../../twin/names.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import { onOwnAlarms, ownAlarms } from '../../state/own_alarms.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
-import { edgeWords } from '../../status/edge_words.ts';
 import { languageTag } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
-import { OpenFaults } from './OpenFaults.tsx';
-import { When } from './When.tsx';
+import { edgeWords } from '../../words/fault.ts';
+import { OpenFaults, When } from './OpenFaults.tsx';
 
 /** One entry of the list of events. */
 interface Happened {

@@ -12,11 +12,11 @@ import { useNow } from '../../shell/now.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { selectJoint } from '../../state/selection.ts';
-import { faultWords } from '../../status/fault_words.ts';
 import { say, useText } from '../../text/language.ts';
+import { faultWords } from '../../words/fault.ts';
 
 /** Turns faults into sentences; loaded once the body is drawn. Until then, the line shows the robot's own words. */
-const SENTENCES = new LatePart(() => firstPaint().then(() => import('../../status/fault_sentence.ts')));
+const SENTENCES = new LatePart(() => firstPaint().then(() => import('../../words/fault_sentence.ts')));
 
 /** The faults in one line above the tabs; on a phone it stays visible when the sheet is down. `onMore` shows all of them. */
 export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => void }) {

@@ -2,13 +2,13 @@ import { useEffect, useRef, useState } from 'react';
 import './plots.css';
 import type { History } from '../../../twin/plots/history.ts';
 import { BALANCE_TRACES } from '../../balance/BalanceParts.tsx';
+import { refreshWith } from '../../shell/refresh.ts';
 import { useTheme } from '../../shell/theme.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';
 import { clearTraces, removeTrace, useTraces } from '../../state/traces.ts';
 import { say } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
-import { refreshWith } from '../grid/refresh.ts';
 import { PlotStack } from './plot_stack.ts';
 
 /** Plots are redrawn this often even without new frames, because the time axis moves. */

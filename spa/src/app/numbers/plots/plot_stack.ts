@@ -4,10 +4,10 @@ import 'uplot/dist/uPlot.min.css';
 import { type AngleUnit, formatNumber, formatSpan } from '../../../twin/format.ts';
 import { NUMBERS } from '../../../twin/joints.ts';
 import { isolated } from '../../../twin/names.ts';
-import { csvOf } from '../../../twin/plots/csv.ts';
 import { HISTORY_S, type History } from '../../../twin/plots/history.ts';
 import type { DerivedTraces, Trace } from '../../../twin/plots/trace.ts';
 import {
+  csvOf,
   type PlotData,
   type PlotGroup,
   type PlotTrace,
@@ -16,11 +16,42 @@ import {
   sheetOf,
 } from '../../../twin/plots/window.ts';
 import type { SensorWords } from '../../../twin/sensors/sensors.ts';
+import { createElement, TextCell } from '../../shell/cells.ts';
 import { say } from '../../text/language.ts';
 import type { More } from '../../text/more_en.ts';
-import { createElement, TextCell } from '../grid/cells.ts';
-import { writeLegendName } from './legend_name.ts';
-import { traceStyle } from './trace_style.ts';
+
+/** Colours of traces; from the fifth on they are also dashed. Red is left out, because it means a fault. */
+const COLORS = {
+  dark: ['#5aa9ff', '#e6b35a', '#4fd1b5', '#c59bff'],
+  light: ['#1d6fd1', '#96600a', '#0a7a66', '#7b3fc4'],
+} as const;
+const DASHES: readonly (readonly number[])[] = [[], [7, 4]];
+
+interface TraceStyle {
+  readonly color: string;
+  /** Dash pattern, CSS px: line, gap; empty for a solid line. */
+  readonly dash: readonly number[];
+}
+
+function traceStyle(index: number, theme: 'dark' | 'light'): TraceStyle {
+  const colors = COLORS[theme];
+  return {
+    color: colors[index % colors.length]!,
+    dash: DASHES[Math.floor(index / colors.length) % DASHES.length]!,
+  };
+}
+
+/** Where a name may wrap: after separators and before a capital. */
+const WORD_ENDS = /[_./:-]+(?=[^_./:\s-])|\p{Ll}(?=\p{Lu})/gu;
+
+/** Shows a name that wraps only between its words: "left_", "hip_", "pitch". If it still doesn't fit, a tap or mouse hover shows
+ *  the full name. */
+function writeLegendName(element: HTMLElement, name: string): void {
+  element.title = name;
+  for (const word of name.replace(WORD_ENDS, '$&\n').split('\n'))
+    element.append(word, document.createElement('wbr'));
+  element.addEventListener('click', () => element.toggleAttribute('data-whole'));
+}
 
 const HEIGHT_PX = { least: 130, most: 240 };
 /** Minimum height of a plot in steps of the last digit, so that the noise of a joint at rest does not fill it. */

@@ -1,11 +1,11 @@
 import './sensors.css';
 import { useLayoutEffect, useRef } from 'react';
 import { BalanceNumbers } from '../../balance/BalanceParts.tsx';
+import { createElement } from '../../shell/cells.ts';
+import { refreshWith } from '../../shell/refresh.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { onTraces } from '../../state/traces.ts';
 import { onLanguage, say } from '../../text/language.ts';
-import { createElement } from '../grid/cells.ts';
-import { refreshWith } from '../grid/refresh.ts';
 import { SensorView } from './sensor_view.ts';
 
 /** The element for the sensors, whose numbers are written directly to the DOM, without React, and below it the values that the

@@ -3,11 +3,11 @@ import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { type Reading, type SensorGroup, SensorTable } from '../../../twin/sensors/sensors.ts';
 import { createTerm, createUnit } from '../../explain/term.ts';
+import { createElement, DataAttribute, setPressed, TextCell } from '../../shell/cells.ts';
+import { NumberGrid } from '../../shell/number_grid.ts';
 import { settings } from '../../state/settings.ts';
 import { isPlotted, toggleTrace } from '../../state/traces.ts';
 import { more } from '../../text/more.ts';
-import { createElement, DataAttribute, setPressed, TextCell } from '../grid/cells.ts';
-import { NumberGrid } from '../grid/number_grid.ts';
 
 /** The age is shown for readings lost longer than this. */
 const OLD_MS = 1500;

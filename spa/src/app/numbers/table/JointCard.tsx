@@ -1,12 +1,12 @@
 import './joint_card.css';
 import { useEffect, useRef } from 'react';
 import { flagWords, formatClockSeconds } from '../../../twin/format.ts';
-import { isolated } from '../../../twin/names.ts';
-import { wordsOfName } from '../../../twin/plain_names.ts';
+import { isolated, wordsOfName } from '../../../twin/names.ts';
 import { FlagTerm } from '../../explain/FlagTerm.tsx';
 import { BackIcon, IconButton } from '../../shell/icons.tsx';
 import { useNow } from '../../shell/now.ts';
 import { usePageKeys } from '../../shell/page_keys.ts';
+import { refreshWith } from '../../shell/refresh.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { selection, selectJoint } from '../../state/selection.ts';
@@ -15,7 +15,6 @@ import { onTraces } from '../../state/traces.ts';
 import { languageTag, onLanguage } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
 import { OpenFaults } from '../alarms/OpenFaults.tsx';
-import { refreshWith } from '../grid/refresh.ts';
 import { JointRoom } from './JointRoom.tsx';
 import { JointCardView } from './joint_card_view.ts';
 

@@ -1,4 +1,4 @@
-import { createStore } from '../../../browser/store.ts';
+import { createStore } from '../../../kit.ts';
 
 /** The filter text of the joint table. It is kept as long as the page is open, also when the schema or the tab changes. */
 const text = createStore('');

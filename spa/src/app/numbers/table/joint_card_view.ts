@@ -1,18 +1,18 @@
 import type { PastState } from '../../../past/past_types.ts';
 import { type Display, displayOf, formatNumber, formatSpan } from '../../../twin/format.ts';
-import { rangeWords } from '../../../twin/limits/range_words.ts';
+import { rangeWords } from '../../../twin/limits/limits.ts';
 import { HISTORY_S, type History, type TraceHistory } from '../../../twin/plots/history.ts';
 import { strip } from '../../../twin/plots/sparkline.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../../twin/values.ts';
 import { createUnit } from '../../explain/term.ts';
+import { createElement, setPressed, TextCell } from '../../shell/cells.ts';
+import { NumberGrid } from '../../shell/number_grid.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { settings } from '../../state/settings.ts';
 import { isPlotted, toggleTrace } from '../../state/traces.ts';
 import { more } from '../../text/more.ts';
-import { createElement, setPressed, TextCell } from '../grid/cells.ts';
-import { NumberGrid } from '../grid/number_grid.ts';
 
 /** The quantities of a joint, each with its name and an explanation for newcomers. */
 const QUANTITIES = [

@@ -2,22 +2,19 @@ import type { FaultLog } from '../../../twin/alarms/fault_log.ts';
 import { type Display, displayOf } from '../../../twin/format.ts';
 import { type JointTable, NUMBERS, type NumberName } from '../../../twin/joints.ts';
 import type { Limb } from '../../../twin/limbs.ts';
-import { plainName } from '../../../twin/names.ts';
-import { wordsOfName } from '../../../twin/plain_names.ts';
+import { plainName, wordsOfName } from '../../../twin/names.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../../twin/values.ts';
 import { createTerm, createUnit } from '../../explain/term.ts';
+import { createElement, TextCell } from '../../shell/cells.ts';
+import { NumberGrid } from '../../shell/number_grid.ts';
 import { onSelection, selection, selectJoint } from '../../state/selection.ts';
 import { settings } from '../../state/settings.ts';
 import { languageTag, say } from '../../text/language.ts';
-import { createElement, TextCell } from '../grid/cells.ts';
-import { NumberGrid } from '../grid/number_grid.ts';
 import { filterText, hasFilter, matchesFilter, onFilter, setFilter } from './filter.ts';
-import { type Lost, oldWords, RowView, STATES } from './joint_row.ts';
-import { titledLimbs } from './limb_titles.ts';
-import { NameColumn } from './name_column.ts';
-import { Ranks } from './ranks.ts';
+import { type Lost, oldWords, Ranks, RowView, STATES } from './joint_row.ts';
+import { NameColumn, titledLimbs } from './name_column.ts';
 
 /** What the table needs from the rest of the page. */
 export interface TableSources {

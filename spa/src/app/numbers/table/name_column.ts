@@ -1,5 +1,8 @@
+import { type Limb, limbsOf } from '../../../twin/limbs.ts';
 import { isolated } from '../../../twin/names.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
 import { shortenNames } from '../../../twin/short_names.ts';
+import { more } from '../../text/more.ts';
 
 /** The minimum width of the word column when names need room, CSS px: "compliant" plus padding. */
 const WORDS_PX = 66;
@@ -97,4 +100,9 @@ export class NameColumn {
       return width;
     };
   }
+}
+
+/** The joints by limb, with titles in the current language. */
+export function titledLimbs(schema: NonNullable<RobotTwin['schema']>, tree: RobotTwin['tree']): Limb[] {
+  return limbsOf(schema, tree, more());
 }

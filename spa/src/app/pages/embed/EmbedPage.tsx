@@ -1,6 +1,7 @@
 import { useEffect, useState } from 'react';
 import { recordingUrl } from '../../../relay/recording_address.ts';
 import { relayChoice } from '../../../relay/relay.ts';
+import { isolated } from '../../../twin/names.ts';
 import { PastBelowBody } from '../../past/PastBelowBody.tsx';
 import { missedMoment, useMomentNamed, usePast, useShown } from '../../past/use_past.ts';
 import { RobotFigure } from '../../shell/icons.tsx';
@@ -8,11 +9,10 @@ import { late, onDemand } from '../../shell/late.tsx';
 import { useThemeOnRoot } from '../../shell/theme.ts';
 import { useHash } from '../../state/hash.ts';
 import { type RobotLink, useRobotLink } from '../../state/robot_link.ts';
+import { parseRoute } from '../../state/route.ts';
 import { useMore } from '../../text/more.ts';
 import { Framed } from './Framed.tsx';
-import { framedRobot } from './framed_robot.ts';
 import './embed.css';
-import { isolated } from '../../../twin/names.ts';
 
 const RecordingFrame = late(async () => (await import('./RecordingFrame.tsx')).RecordingFrame, onDemand);
 
@@ -82,4 +82,19 @@ function useReached(): boolean {
     return () => observer.disconnect();
   }, [reached]);
   return reached;
+}
+
+/**
+ * The robot of a frame. `/embed/hubo` names it in the path, so that its relay can say which pages may frame it; the fragment
+ * can't then name another robot. `/embed/#/r/hubo` is for hosts that serve every robot the same page. Null if none or two are
+ * named.
+ */
+export function framedRobot(pathname: string, hash: string): string | null {
+  const named = /\/embed\/(?!index\.html$)(.+)$/.exec(pathname)?.[1];
+  const route = parseRoute(hash);
+  const asked = route.page === 'robot' ? route.robot : null;
+  if (named === undefined) return asked;
+  const spelled = parseRoute(`#/r/${named}`); // no percent-escapes, because a proxy may decode them differently
+  if (spelled.page !== 'robot') return null;
+  return asked === null || asked === named ? named : null;
 }

@@ -1,12 +1,12 @@
 import { type ReactNode, useEffect } from 'react';
 import { home, relayChoice } from '../../../relay/relay.ts';
-import { Body } from '../../body/Body.tsx';
+import { Announcer } from '../../robot/Announcer.tsx';
+import { Body } from '../../robot/Body.tsx';
+import { Chip } from '../../robot/Chip.tsx';
 import { showLink } from '../../shell/debug_api.ts';
 import { late } from '../../shell/late.tsx';
 import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
-import { Announcer } from '../../status/Announcer.tsx';
-import { Chip } from '../../status/Chip.tsx';
 import { useMore } from '../../text/more.ts';
 import { connectParent } from './parent.ts';
 

@@ -2,13 +2,13 @@ import { isolated } from '../../../twin/names.ts';
 import { PastBar } from '../../past/PastBar.tsx';
 import { usePresenting } from '../../state/presenting.ts';
 import { useVersion } from '../../state/robot_link.ts';
-import { NoteCaption } from '../recording/notes/NoteCaption.tsx';
-import { PresentedNote } from '../recording/notes/PresentedNote.tsx';
+import { NoteCaption } from '../recording/NoteCaption.tsx';
 import type { OpenedRecording } from '../recording/opened_recording.ts';
+import { PresentedNote } from '../recording/PresentedNote.tsx';
 import { type PlayedRecording, useLost, useRecording } from '../recording/recording_link.ts';
+import { useRecordingText } from '../recording/recording_text.ts';
+import { lostWords, unreadableWords } from '../recording/recording_words.ts';
 import { useFetched } from '../recording/use_fetched.ts';
-import { useRecordingText } from '../recording/words/recording_text.ts';
-import { lostWords, unreadableWords } from '../recording/words/recording_words.ts';
 import { Framed } from './Framed.tsx';
 
 /** A recording in a frame of another site's page: body, state, origin, and a slim time line with the current note above it. */

@@ -1,4 +1,4 @@
-import type { ViewName } from '../../../view/camera/framing.ts';
+import type { ViewName } from '../../../scene/camera/framing.ts';
 import type { Settings } from '../../state/settings.ts';
 
 /** A message from the page around a frame: `{posecast: 'look', view: 'side'}`. */

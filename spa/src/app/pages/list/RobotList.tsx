@@ -1,28 +1,72 @@
 import './list.css';
 import { useEffect, useState } from 'react';
-import { signInNeeded } from '../../../auth/request.ts';
 import { savesData } from '../../../browser/late_part.ts';
+import { fetchBytes, fetchManifest, fileUrl } from '../../../model/bundle.ts';
+import { thumbnailOf } from '../../../model/manifest.ts';
+import { manifestUrl } from '../../../relay/lane.ts';
 import { accounts, home, relayChoice } from '../../../relay/relay.ts';
+import { signInNeeded } from '../../../relay/request.ts';
+import { tokenFor } from '../../../relay/token.ts';
 import { prepareStream } from '../../../stream/early_stream.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import type { Verdict } from '../../../twin/liveness.ts';
+import { Sign } from '../../robot/Chip.tsx';
 import { Command } from '../../shell/Command.tsx';
-import { IconButton, SettingsIcon } from '../../shell/icons.tsx';
+import { IconButton, RobotFigure, SettingsIcon } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
 import { MOST_SIDE_BY_SIDE, robotHref } from '../../state/route.ts';
 import { useStore } from '../../state/use_store.ts';
-import { Sign } from '../../status/Chip.tsx';
-import { causeWords } from '../../status/words.ts';
 import { useText } from '../../text/language.ts';
 import { useListText } from '../../text/list.ts';
+import { causeWords } from '../../words/status.ts';
 import { openChosen } from '../local/local.ts';
 import { inOrder, judgeListed, type ListedRobot, useRobots } from './robots.ts';
-import { Thumbnail } from './Thumbnail.tsx';
+
+const PICTURE_BYTES = 500_000;
+
+/** The picture in a robot's model bundle, which the relay may still have after the robot has left; otherwise a generic
+ *  drawing. */
+function Thumbnail({ robot: { robot, model } }: { robot: ListedRobot }) {
+  const [src, setSrc] = useState<string | null>(null);
+  useEffect(() => {
+    if (model === null) return;
+    const leave = new AbortController();
+    const url = manifestUrl(robot, model);
+    let made = '';
+    const picture = async () => {
+      const path = thumbnailOf(await fetchManifest(url, leave.signal));
+      const file = path === null ? null : fileUrl(url, { path });
+      if (file === null || tokenFor(file) === undefined) return file;
+      // an <img> can't send a token
+      const bytes = await fetchBytes(file, PICTURE_BYTES, leave.signal, () => {});
+      made = URL.createObjectURL(new Blob([new Uint8Array(bytes)]));
+      return made;
+    };
+    picture()
+      .then((found) => !leave.signal.aborted && setSrc(found))
+      .catch(() => {}); // the list works without pictures
+    return () => {
+      leave.abort();
+      URL.revokeObjectURL(made);
+    };
+  }, [robot, model]);
+  if (src === null) return <RobotFigure />;
+  return (
+    <img
+      className="thumb-picture"
+      src={src}
+      crossOrigin="anonymous" // no cookies for another relay or a lane
+      alt=""
+      onError={() => setSrc(null)}
+      data-testid="thumbnail"
+    />
+  );
+}
 
 /** After this long the viewer is assumed to have read the list. */
 const AHEAD_AFTER_MS = 1500;
 
-const SignIn = late(async () => (await import('../../account/SignIn.tsx')).SignIn);
+const SignIn = late(async () => (await import('../../settings/SignIn.tsx')).SignIn);
 
 /** Preloads the code that shows a robot's numbers, shortly after the list is shown. Returns a function that stops it. */
 function prepareRobotPage(): () => void {

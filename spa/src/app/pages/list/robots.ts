@@ -1,7 +1,7 @@
 import { useEffect, useState } from 'react';
-import { request, signInNeeded } from '../../../auth/request.ts';
-import { onAccountToken, tokenFor } from '../../../auth/token.ts';
 import { apiUrl } from '../../../relay/addresses.ts';
+import { request, signInNeeded } from '../../../relay/request.ts';
+import { onAccountToken, tokenFor } from '../../../relay/token.ts';
 import { judge, type Verdict } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
 

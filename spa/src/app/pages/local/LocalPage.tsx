@@ -1,21 +1,24 @@
 import { useEffect, useMemo, useRef, useState } from 'react';
 import type { ModelReport } from '../../../model/report.ts';
-import type { RobotScene } from '../../../three/index.ts';
+import type { RobotScene } from '../../../scene/three/index.ts';
 import { displayOf, formatNumber } from '../../../twin/format.ts';
-import type { Finding } from '../../../urdf/finding.ts';
+import { isolated } from '../../../twin/names.ts';
+import { FILE_READINGS } from '../../../twin/overlay/file_readings.ts';
+import { distrustsMasses, type Finding } from '../../../urdf/finding.ts';
 import type { LocalRobot } from '../../../urdf/local_robot.ts';
-import { useCameraControls } from '../../body/controls/use_camera_controls.ts';
-import { loadThree } from '../../body/load_three.ts';
+import { BALANCE } from '../../balance/BalanceParts.tsx';
+import { loadThree } from '../../robot/load_three.ts';
+import { useCameraControls } from '../../robot/use_camera_controls.ts';
 import { showScene } from '../../shell/debug_api.ts';
 import { BackIcon, IconButton } from '../../shell/icons.tsx';
+import { useLatePart } from '../../shell/late.tsx';
 import { useTheme } from '../../shell/theme.ts';
-import { useSettings } from '../../state/settings.ts';
+import { changeSettings, useSettings } from '../../state/settings.ts';
+import { useBalanceText } from '../../text/balance.ts';
 import { say, useText } from '../../text/language.ts';
 import { useMore } from '../../text/more.ts';
-import { LocalBalance } from './LocalBalance.tsx';
 import { chooseUrdf, closeLocal } from './local.ts';
 import './local.css';
-import { isolated } from '../../../twin/names.ts';
 
 /** The page of a robot from files on this computer: its body, a slider for each joint, and the problems in its files. `urdfs`:
  *  the paths of all URDFs among the files, for choosing another. */
@@ -179,6 +182,51 @@ function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null
           <small>{words(upper, unit)}</small>
         </label>
       ))}
+    </div>
+  );
+}
+
+/** Draws the centre of mass of a robot from local files, using the masses in its URDF, with a box to switch it off. Says in one
+ *  line what is unknown. `findings`: about the files and their meshes; null before these are read. */
+function LocalBalance(props: {
+  robot: LocalRobot;
+  scene: RobotScene | null;
+  findings: readonly Finding[] | null;
+}) {
+  const { robot, scene, findings } = props;
+  const { balance, palette, angle } = useSettings();
+  const text = useBalanceText();
+  const words = useMore();
+  const part = useLatePart(BALANCE);
+  const weighs = robot.urdf.links.some(({ inertial }) => inertial !== null && inertial.mass > 0);
+  const believed = findings?.some(distrustsMasses) === false;
+  const known = weighs && believed;
+  const on = balance !== 'off';
+  useEffect(() => {
+    if (part === null || scene === null || !known || !on) return;
+    scene.showSigns(FILE_READINGS, {
+      ...{ live: true, from: 'pos', arrowScale: 1, palette, angle, words },
+      balance: () => part.makeBalance(),
+    });
+    return () => scene.showSigns(null);
+  }, [part, scene, known, on, palette, angle, words]);
+  if (findings === null) return null;
+  const lack = known ? text.rawModel : believed ? text.noMasses : text.impossibleMasses;
+  return (
+    <div className="local-balance" data-testid="local-balance">
+      {known ? (
+        <label>
+          <input
+            type="checkbox"
+            checked={on}
+            onChange={({ target }) => changeSettings({ balance: target.checked ? 'auto' : 'off' })}
+          />
+          {text.balance}
+        </label>
+      ) : (
+        text.balance
+      )}
+      <p className="quiet">{lack}</p>
     </div>
   );
 }

@@ -1,4 +1,4 @@
-import { createStore } from '../../../browser/store.ts';
+import { createStore } from '../../../kit.ts';
 import { useStore } from '../../state/use_store.ts';
 import type { Local } from './local_files.ts';
 

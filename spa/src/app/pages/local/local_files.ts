@@ -1,8 +1,10 @@
+import { isolated } from '../../../twin/names.ts';
 import { filesOf, localFiles } from '../../../urdf/dropped_files.ts';
-import type { LocalFiles } from '../../../urdf/local_files.ts';
+import { DropError, type LocalFiles } from '../../../urdf/local_files.ts';
 import { type LocalRobot, openLocal, urdfsIn } from '../../../urdf/local_robot.ts';
+import { typedPath } from '../../../urdf/other_formats.ts';
+import { more } from '../../text/more.ts';
 import type { OpenedRecording } from '../recording/opened_recording.ts';
-import { refusalWords } from './refusals.ts';
 
 /** Reads a robot or a recording from files on this computer. This chunk is loaded when files are opened for the first time. */
 
@@ -59,5 +61,25 @@ export async function readOther(shown: Extract<Local, { phase: 'shown' }>, path:
     return { phase: 'shown', robot: await openLocal(files, path), files, urdfs };
   } catch (cause) {
     return { phase: 'refused', why: refusalWords(cause) };
+  }
+}
+
+/** Why the files were refused, in one line, safe to show. `cause`: the error from reading them. */
+export function refusalWords(cause: unknown): string {
+  if (!(cause instanceof DropError)) return isolated(cause instanceof Error ? cause.message : String(cause));
+  const text = more();
+  const { refusal } = cause;
+  switch (refusal.why) {
+    case 'dropTooMany':
+      return text.dropTooMany(refusal.count);
+    case 'dropBomb':
+    case 'dropTooLarge':
+      return text[refusal.why](isolated(refusal.path));
+    case 'dropOtherFormat':
+      return text.dropOtherFormat(isolated(refusal.path), refusal.format, typedPath(refusal.path));
+    case 'dropUnreadable':
+      return text.dropUnreadable(isolated(refusal.path), isolated(refusal.what));
+    default:
+      return text[refusal.why];
   }
 }

@@ -5,11 +5,11 @@ import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import { PastBar } from '../../past/PastBar.tsx';
 import type { OfferedFile } from '../../past/save/OfferedFiles.tsx';
-import { NoteCaption } from './notes/NoteCaption.tsx';
-import { NoteMarks } from './notes/NoteMarks.tsx';
+import { NoteCaption } from './NoteCaption.tsx';
+import { NoteMarks } from './NoteMarks.tsx';
 import { useLost } from './recording_link.ts';
-import { useRecordingText } from './words/recording_text.ts';
-import { lostWords } from './words/recording_words.ts';
+import { useRecordingText } from './recording_text.ts';
+import { lostWords } from './recording_words.ts';
 
 /** Shown below the body of a recording: the missing parts, the note of the moment, and the time line. */
 export function RecordingBar(props: {

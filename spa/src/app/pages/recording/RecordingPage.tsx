@@ -8,13 +8,13 @@ import { usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { OneRobot } from '../RobotPage.tsx';
 import { AboutRecording } from './AboutRecording.tsx';
-import { PresentedNote } from './notes/PresentedNote.tsx';
 import type { OpenedRecording } from './opened_recording.ts';
+import { PresentedNote } from './PresentedNote.tsx';
 import { RecordingBar } from './RecordingBar.tsx';
 import { type PlayedRecording, useRecording } from './recording_link.ts';
+import { useRecordingText } from './recording_text.ts';
+import { unreadableWords } from './recording_words.ts';
 import { useFetched } from './use_fetched.ts';
-import { useRecordingText } from './words/recording_text.ts';
-import { unreadableWords } from './words/recording_words.ts';
 
 const ShareSheet = late(async () => (await import('../../share/ShareSheet.tsx')).ShareSheet);
 

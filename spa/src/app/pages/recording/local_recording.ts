@@ -1,15 +1,16 @@
+import { openPosecastFile, PosecastFileError } from '../../../past/recording/posecast_file.ts';
 import {
   type FindFile,
   FolderFiles,
   inChosenFolder,
   inDroppedFolder,
-} from '../../../past/recording/folder_files.ts';
-import { openPosecastFile, PosecastFileError } from '../../../past/recording/posecast_file.ts';
-import { RECORDING_FILE, type RecordingFiles } from '../../../past/recording/recording_files.ts';
+  RECORDING_FILE,
+  type RecordingFiles,
+} from '../../../past/recording/recording_files.ts';
 import { isolated } from '../../../twin/names.ts';
 import { type OpenedRecording, openRecording } from './opened_recording.ts';
-import { recordingText } from './words/recording_text.ts';
-import { unreadableWords } from './words/recording_words.ts';
+import { recordingText } from './recording_text.ts';
+import { unreadableWords } from './recording_words.ts';
 
 /** The result of opening files that are, or should be, a recording. */
 export type LocalRecording =

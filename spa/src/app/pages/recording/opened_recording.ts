@@ -1,15 +1,15 @@
-import { request } from '../../../auth/request.ts';
 import { BundleError, serveFolder } from '../../../model/bundle.ts';
 import { PastError } from '../../../past/past_source.ts';
-import { FetchedFiles } from '../../../past/recording/fetched_files.ts';
 import {
   BYTES_MAX,
+  FetchedFiles,
   modelPath,
   RECORDING_FILE,
   type RecordingFiles,
 } from '../../../past/recording/recording_files.ts';
 import { type RecordingIndex, readIndex } from '../../../past/recording/recording_index.ts';
 import { early } from '../../../relay/recording_address.ts';
+import { request } from '../../../relay/request.ts';
 import type { OfferedFile } from '../../past/save/OfferedFiles.tsx';
 
 /** A recording whose index has been read. */

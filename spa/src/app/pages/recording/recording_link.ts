@@ -12,7 +12,7 @@ import type { Connection } from '../../state/robot_link.ts';
 import { selectJoint } from '../../state/selection.ts';
 import { clearTraces } from '../../state/traces.ts';
 import type { OpenedRecording } from './opened_recording.ts';
-import { recordedAs } from './words/recording_words.ts';
+import { recordedAs } from './recording_words.ts';
 
 /** A connection that receives nothing and sends nothing. */
 const NO_STREAM: Connection = {

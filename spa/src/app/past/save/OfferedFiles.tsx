@@ -1,5 +1,5 @@
 import { Fragment } from 'react';
-import { bytesWords } from './bytes_words.ts';
+import { bytesWords } from './Outcome.tsx';
 
 /** A file of a whole recording for other programs, which lies beside the page. */
 export interface OfferedFile {

@@ -1,10 +1,22 @@
 import type { Span } from '../../../past/past_types.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
-import { dayWords } from '../../status/moment_words.ts';
-import { bytesWords } from './bytes_words.ts';
+import { dayWords } from '../../words/moment.ts';
 import type { saveEn } from './save_en.ts';
 import { useSaveText } from './save_text.ts';
 import type { Failure, Measured, Saving } from './use_saving.ts';
+
+const UNITS = ['kB', 'MB', 'GB'] as const;
+
+/** "840 kB", "3.4 MB", "120 MB"; kB = 1000 bytes. */
+export function bytesWords(bytes: number): string {
+  let size = Math.max(1, bytes) / 1000;
+  let unit = 0;
+  while (size >= 999.5 && unit < UNITS.length - 1) {
+    size /= 1000;
+    unit += 1;
+  }
+  return `${size < 9.95 ? Math.max(0.1, size).toFixed(1) : Math.round(size)} ${UNITS[unit]}`;
+}
 
 /** A gap this short at the end of the newest segment is not mentioned, ms. */
 const NEAR_MS = 500;

@@ -4,13 +4,24 @@ import type { PastSource } from '../../../past/past_source.ts';
 import type { PastControls } from '../../../past/past_types.ts';
 import type { SaveFormat } from '../../../past/save/save_ports.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
+import { useText } from '../../text/language.ts';
 import { type OfferedFile, OfferedFiles } from './OfferedFiles.tsx';
 import { MeasureLine, Outcome, Progress } from './Outcome.tsx';
-import { SpanChoice } from './SpanChoice.tsx';
 import { useSaveText } from './save_text.ts';
 import type { ManifestUrl } from './saved_models.ts';
-import { choicesOf, customSpan, fieldsOf, offerOf, type SpanName, spanOf } from './span_choice.ts';
+import {
+  choicesOf,
+  customSpan,
+  fieldOf,
+  fieldsOf,
+  offerOf,
+  type SpanFields,
+  type SpanName,
+  type SpanOffer,
+  spanOf,
+} from './span_choice.ts';
 import { useMeasure, useSaving } from './use_saving.ts';
+import '../../shell/styles/choices.css';
 
 const FORMATS = ['csv', 'posecast'] as const satisfies readonly SaveFormat[];
 
@@ -89,5 +100,58 @@ export function SaveSheet(props: {
       )}
       <Outcome saving={saving} />
     </Dialog>
+  );
+}
+
+/** The span to save: the loop, the last minutes, or from one moment to another. */
+function SpanChoice(props: {
+  offer: SpanOffer;
+  name: SpanName;
+  fields: SpanFields;
+  isBusy: boolean;
+  onName: (name: SpanName) => void;
+  onFields: (fields: SpanFields) => void;
+}) {
+  const { offer, name, fields, isBusy, onName, onFields } = props;
+  const text = useSaveText();
+  const { minutes } = useText();
+  const label = (each: SpanName) =>
+    each === 'loop' || each === 'all' ? text[each] : each === 'custom' ? text.fromTo : minutes(Number(each));
+  const bounds = { min: fieldOf(offer.oldestMs), max: fieldOf(offer.nowMs + 1000), step: 1 };
+  return (
+    <fieldset className="choice" disabled={isBusy}>
+      <legend>{text.span}</legend>
+      <div className="segments">
+        {choicesOf(offer).map((each) => (
+          <label key={each}>
+            <input
+              type="radio"
+              name="save-span"
+              checked={each === name}
+              data-testid={`save-span-${each}`}
+              onChange={() => onName(each)}
+            />
+            <span>{label(each)}</span>
+          </label>
+        ))}
+      </div>
+      {name === 'custom' && (
+        <div className="save-fields">
+          {(['from', 'to'] as const).map((end) => (
+            <label key={end}>
+              {text[end]}
+              <input
+                className="dialog-field"
+                type="datetime-local"
+                value={fields[end]}
+                data-testid={`save-${end}`}
+                onChange={({ currentTarget: { value } }) => onFields({ ...fields, [end]: value })}
+                {...bounds}
+              />
+            </label>
+          ))}
+        </div>
+      )}
+    </fieldset>
   );
 }

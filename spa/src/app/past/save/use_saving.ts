@@ -5,9 +5,37 @@ import type { Span } from '../../../past/past_types.ts';
 import type { Measure, SavedFile } from '../../../past/save/save.ts';
 import type { SaveFormat, SavePorts } from '../../../past/save/save_ports.ts';
 import { useLatePart } from '../../shell/late.tsx';
-import { breaths } from './breath.ts';
-import { download } from './download.ts';
 import { type ManifestUrl, savedModels } from './saved_models.ts';
+
+/** Long enough for any browser to start reading it, ms. */
+const KEPT_MS = 60_000;
+
+/** Makes the browser save a file. */
+function download(blob: Blob, name: string): void {
+  const link = document.createElement('a');
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), KEPT_MS);
+}
+
+/** The page is blocked for at most this long at a time, ms. */
+const BUSY_MS = 12;
+
+/** Returns a function to call often during long work: now and then it yields, so that the page can draw and respond. It yields by
+ *  messages, because browsers slow down timers of background pages. */
+function breaths(): () => Promise<void> {
+  const { port1, port2 } = new MessageChannel();
+  let begunMs = performance.now();
+  return async () => {
+    if (performance.now() - begunMs < BUSY_MS) return;
+    await new Promise<void>((resolve) => {
+      port1.onmessage = () => resolve();
+      port2.postMessage(null);
+    });
+    begunMs = performance.now();
+  };
+}
 
 /** Loaded only when somebody saves. */
 const SAVE = new LatePart(

@@ -9,26 +9,43 @@ import {
   useSyncExternalStore,
 } from 'react';
 import type { PastControls, Playhead, Timeline } from '../../../past/past_types.ts';
-import { IconButton } from '../../shell/icons.tsx';
+import { Icon, IconButton } from '../../shell/icons.tsx';
 import { useNow } from '../../shell/now.ts';
 import { withKey } from '../../shell/page_keys.ts';
 import { useSettings } from '../../state/settings.ts';
 import { useStore } from '../../state/use_store.ts';
-import { dayWords } from '../../status/moment_words.ts';
-import { notKeptWords } from '../../status/past_words.ts';
 import { languageTag } from '../../text/language.ts';
 import { more, useMore } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
+import { dayWords, notKeptWords } from '../../words/moment.ts';
+import { listenToGestures } from './gestures.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
 import { completed } from './movement.ts';
-import { JumpIcon, PauseIcon, PlayIcon } from './past_icons.tsx';
-import { listenToGestures } from './scale/gestures.ts';
-import { ScaleChoice } from './scale/ScaleChoice.tsx';
-import { chosenScale, scaleFor, scaleIn, scalesOf } from './scale/scales.ts';
-import { listTicks } from './scale/ticks.ts';
+import { ScaleChoice } from './ScaleChoice.tsx';
+import { chosenScale, scaleFor, scaleIn, scalesOf } from './scales.ts';
 import { Track } from './Track.tsx';
 import { TransportBar } from './TransportBar.tsx';
+import { listTicks } from './ticks.ts';
 import { msPerPx, pxAt, shownSpan, textPxOf, type View } from './track_view.ts';
+
+const PlayIcon = () => (
+  <Icon>
+    <path d="M8 5.4v13.2L18.6 12z" fill="currentColor" />
+  </Icon>
+);
+
+const PauseIcon = () => (
+  <Icon>
+    <path d="M8.5 6v12M15.5 6v12" strokeWidth="3" />
+  </Icon>
+);
+
+/** A leaf of a calendar. */
+const JumpIcon = () => (
+  <Icon>
+    <path d="M4.5 7.5a2 2 0 0 1 2-2h11a2 2 0 0 1 2 2v10a2 2 0 0 1-2 2h-11a2 2 0 0 1-2-2zM4.5 10.5h15M8.5 3.5v4M15.5 3.5v4M12 13v2.6l1.8 1" />
+  </Icon>
+);
 
 /** Minimum and maximum interval between updates of the time, ms; a line that shows days updates less often. */
 const STEP_MS = { least: 250, most: 2000 };

@@ -3,15 +3,15 @@ import type { PastControls, Playhead, Span, Timeline } from '../../../past/past_
 import { formatClockSeconds } from '../../../twin/format.ts';
 import { usePageKeys } from '../../shell/page_keys.ts';
 import { useStore } from '../../state/use_store.ts';
-import { hundredthsWords } from '../../status/moment_words.ts';
 import { usePastText } from '../../text/past.ts';
+import { hundredthsWords } from '../../words/moment.ts';
 import { loopStart } from './loop_start.ts';
 import { lineKeys } from './past_keys.ts';
-import type { Tick } from './scale/ticks.ts';
 import { Scrubber } from './scrubber.ts';
 import { useSpoken } from './spoken.ts';
 import { Tip } from './Tip.tsx';
 import { TrackPicture } from './TrackPicture.tsx';
+import type { Tick } from './ticks.ts';
 import { type Hover, msAt, pxAt, TIME_PX, type View } from './track_view.ts';
 
 /** The track: the shown time span with its movement and marks, and the playhead. Pressing, dragging and arrow keys go into the

@@ -2,7 +2,7 @@ import './track_picture.css';
 import { memo, useId } from 'react';
 import type { Mark, Span, Timeline } from '../../../past/past_types.ts';
 import { movementPath } from './movement.ts';
-import type { Tick } from './scale/ticks.ts';
+import type { Tick } from './ticks.ts';
 import { contains, msPerPx, pxAt, textPxOf, type View } from './track_view.ts';
 
 /** The top of the curve within the track's height, CSS px. In the open track, the playhead's time has a row above it. */

@@ -1,24 +1,57 @@
 import './transport.css';
 import { type ReactNode, useId } from 'react';
 import { type PastControls, type Playhead, SPEEDS, type Speed } from '../../../past/past_types.ts';
-import { IconButton, PastIcon } from '../../shell/icons.tsx';
+import { Sign } from '../../robot/Chip.tsx';
+import { Icon, IconButton, PastIcon } from '../../shell/icons.tsx';
 import { type KeyAction, withKey } from '../../shell/page_keys.ts';
 import { useStore } from '../../state/use_store.ts';
-import { Sign } from '../../status/Chip.tsx';
-import { hundredthsWords } from '../../status/moment_words.ts';
 import { more } from '../../text/more.ts';
 import { usePastText } from '../../text/past.ts';
+import { hundredthsWords } from '../../words/moment.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
 import { loopStart, pressLoop } from './loop_start.ts';
 import { speedWords, whenWords } from './spoken.ts';
-import {
-  FrameBackIcon,
-  FrameOnIcon,
-  LoopIcon,
-  NextFaultIcon,
-  PreviousFaultIcon,
-  SaveIcon,
-} from './transport_icons.tsx';
+
+/** One frame: a triangle that points the way, and a bar. */
+const FrameBackIcon = () => (
+  <Icon>
+    <path d="M17 6.5v11L8.2 12zM5.6 6.5v11" />
+  </Icon>
+);
+
+const FrameOnIcon = () => (
+  <Icon>
+    <path d="M7 6.5v11l8.8-5.5zM18.4 6.5v11" />
+  </Icon>
+);
+
+const OCTAGON = 'l3.2-3.2h4.6l3.2 3.2v4.6l-3.2 3.2h-4.6l-3.2-3.2z';
+
+/** A fault's octagon, and the way to it. */
+const PreviousFaultIcon = () => (
+  <Icon>
+    <path d={`M10.5 9.7${OCTAGON}M6.5 7.5L2.5 12l4 4.5`} />
+  </Icon>
+);
+
+const NextFaultIcon = () => (
+  <Icon>
+    <path d={`M2.5 9.7${OCTAGON}M17.5 7.5l4 4.5-4 4.5`} />
+  </Icon>
+);
+
+const LoopIcon = () => (
+  <Icon>
+    <path d="M4.5 11.5V10A3.5 3.5 0 0 1 8 6.5h11M16 3.5l3 3-3 3M19.5 12.5V14a3.5 3.5 0 0 1-3.5 3.5H5M8 20.5l-3-3 3-3" />
+  </Icon>
+);
+
+/** An arrow into a tray. */
+const SaveIcon = () => (
+  <Icon>
+    <path d="M12 4v11M8 11.2l4 4 4-4M4.5 15.5V18A1.5 1.5 0 0 0 6 19.5h12a1.5 1.5 0 0 0 1.5-1.5v-2.5" />
+  </Icon>
+);
 
 /** The row over the track while the past is shown: navigation, the moment itself, playback controls and scale. If space is short,
  *  some are hidden. */

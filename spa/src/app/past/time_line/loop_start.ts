@@ -1,4 +1,4 @@
-import { storePer } from '../../../browser/store.ts';
+import { storePer } from '../../../kit.ts';
 import type { PastControls } from '../../../past/past_types.ts';
 import { LEAST_LOOP_MS } from './scrubber.ts';
 

@@ -2,7 +2,7 @@ import { type PastControls, SPEEDS } from '../../../past/past_types.ts';
 import type { KeyHandlers } from '../../shell/page_keys.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
 import { pressLoop } from './loop_start.ts';
-import { arrowMs, shownMs, stepScale } from './scale/scales.ts';
+import { arrowMs, shownMs, stepScale } from './scales.ts';
 
 /** What the past's page-wide keys can do at present. `save`: null if there is nothing that can be saved. */
 export function pastKeys(controls: PastControls, save: (() => void) | null): KeyHandlers {

@@ -1,7 +1,7 @@
 import { useRef } from 'react';
 import type { Playhead } from '../../../past/past_types.ts';
-import { momentWords } from '../../status/moment_words.ts';
 import { pastText } from '../../text/past.ts';
+import { momentWords } from '../../words/moment.ts';
 
 /** While playing, a moment this near to the expected one was not a seek, ms. */
 const EXPECTED_MS = 700;

@@ -3,14 +3,13 @@ import { useEffect, useMemo, useRef, useState, useSyncExternalStore } from 'reac
 import type { PastControls } from '../../../../past/past_types.ts';
 import { fillSentence } from '../../../../twin/alarms/sentence.ts';
 import { flagWords, formatClockSeconds, formatSpan } from '../../../../twin/format.ts';
-import { isolated } from '../../../../twin/names.ts';
-import { wordsOfName } from '../../../../twin/plain_names.ts';
+import { isolated, wordsOfName } from '../../../../twin/names.ts';
 import type { RobotTwin } from '../../../../twin/robot.ts';
 import { flagSentence } from '../../../explain/flag_sentence.ts';
-import { dayWords } from '../../../status/moment_words.ts';
 import { languageTag } from '../../../text/language.ts';
 import { useMomentsText } from '../../../text/moments.ts';
 import { type More, useMore } from '../../../text/more.ts';
+import { dayWords } from '../../../words/moment.ts';
 import { INCIDENTS_MAX, type Incident, listIncidents, newestHole } from './incident_list.ts';
 
 /** Playback starts this long before a fault, to show what led up to it. */

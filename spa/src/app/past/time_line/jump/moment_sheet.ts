@@ -1,4 +1,4 @@
-import { createStore } from '../../../../browser/store.ts';
+import { createStore } from '../../../../kit.ts';
 import type { PastControls } from '../../../../past/past_types.ts';
 
 /** The past for which the dialog is open; null while it is closed. */

@@ -1,0 +1,57 @@
+import '../shell/styles/signs.css';
+import { displayOf, formatNumber } from '../../twin/format.ts';
+import type { LoadScale } from '../../twin/sensors/load.ts';
+import { useNow } from '../shell/now.ts';
+import { useSettings } from '../state/settings.ts';
+import { useMore } from '../text/more.ts';
+import type { OverlayLink } from './overlay_link.ts';
+import '../shell/styles/signs.css';
+
+/** The legend of the load colours of one or several robots; empty while they are off. */
+export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {
+  useNow(1000); // without limits, the scale adapts to the readings
+  const { load } = useSettings();
+  const text = useMore();
+  const scale = load === 'off' ? null : scaleOf(signs.map((of) => of.loadScale()));
+  if (scale === null) return null;
+  const { field, unit, rest, full, limited, cautionPart } = scale;
+  const display = displayOf(unit, 'rad');
+  const said = (value: number) =>
+    `${formatNumber(value, { ...display, decimals: Math.abs(value) < 10 ? 1 : 0 }).trim()} ${display.unit}`;
+  return (
+    <figure className="load-legend" data-testid="load-legend">
+      <figcaption>
+        <button type="button" className="term" data-explain="signs.load" aria-haspopup="dialog">
+          {field === 'cur' ? text.motorCurrent : text.temperature}
+        </button>
+      </figcaption>
+      <div className="load-scale">
+        {cautionPart !== null && cautionPart > 0 && cautionPart < 1 && (
+          <i className="load-caution" style={{ left: `${cautionPart * 100}%` }} title={text.cautionStarts} />
+        )}
+      </div>
+      <div className="load-ends">
+        <span>{said(rest)}</span>
+        <span>{full === null ? text.limit : said(full)}</span>
+      </div>
+      <p>
+        <i className="load-over" /> {limited ? text.pastLimit : text.noLimitKnown}
+      </p>
+      <p>
+        <i className="load-none" /> {text.noReading}
+      </p>
+    </figure>
+  );
+}
+
+/** The common scale of several robots; if their limits differ, it is relative to each one's own limit. */
+function scaleOf(scales: readonly (LoadScale | null)[]): LoadScale | null {
+  const [first, ...others] = scales.filter((scale) => scale !== null);
+  if (first === undefined) return null;
+  const alike = others.every(
+    ({ full, limited, cautionPart }) =>
+      full === first.full && limited === first.limited && cautionPart === first.cautionPart,
+  );
+  const limited = [first, ...others].every((scale) => scale.limited);
+  return alike ? first : { ...first, full: null, limited, cautionPart: null };
+}

@@ -1,0 +1,107 @@
+import type { BodyView } from '../../scene/figure/body_view.ts';
+import { onTaps } from '../../scene/figure/taps.ts';
+import { addPageKeys, type KeyHandlers } from '../shell/page_keys.ts';
+import { onSettings, settings } from '../state/settings.ts';
+import { onLanguage } from '../text/language.ts';
+import { more } from '../text/more.ts';
+
+/** How far one key press turns, moves and zooms the camera. */
+const TURN_RAD = Math.PI / 24;
+const PAN_PX = 40;
+const NEARER = 0.85;
+
+/** What covers the picture: at its top, and at its bottom. */
+const NOTES = '.stage-note, .stage-views';
+const BUTTONS = '.stage-tools, .stage-foot, .model-findings';
+/** Gap between a note and the robot, CSS px. */
+const AIR = 4;
+
+type Eye = Pick<BodyView, 'look' | 'focus' | 'orbit' | 'pan' | 'zoom' | 'pick'>;
+
+/** What the camera's keys do. `middle`: the middle of the body's element in the window, CSS px. */
+export function cameraKeys(view: Eye, middle: () => { x: number; y: number }): KeyHandlers {
+  return {
+    turn: ({ key }) => {
+      const { x, y } = directionOf(key);
+      view.orbit(x * TURN_RAD, y * TURN_RAD);
+    },
+    pan: ({ key }) => {
+      const { x, y } = directionOf(key);
+      view.pan(x * PAN_PX, y * PAN_PX);
+    },
+    nearer: () => view.zoom(NEARER),
+    farther: () => view.zoom(1 / NEARER),
+    home: () => view.look('home'),
+    front: () => view.look('front'),
+    side: () => view.look('side'),
+    top: () => view.look('top'),
+    closeUp: () => closeTo(view, middle()),
+  };
+}
+
+function directionOf(arrow: string): { x: number; y: number } {
+  return {
+    x: Number(arrow === 'ArrowLeft') - Number(arrow === 'ArrowRight'),
+    y: Number(arrow === 'ArrowUp') - Number(arrow === 'ArrowDown'),
+  };
+}
+
+/** Moves close to the link at a point of the window (CSS px), or back to the home view if there is no link. */
+export function closeTo(view: Pick<Eye, 'pick' | 'focus' | 'look'>, at: { x: number; y: number }): void {
+  const link = view.pick(at.x, at.y);
+  if (link === null) view.look('home');
+  else view.focus(link);
+}
+
+/** Attaches keys and double taps to the body's element, and follows the setting how the camera follows a walking robot. Returns a function that detaches them. */
+export function attachCameraControls(element: HTMLElement, view: BodyView): () => void {
+  const chosen = () => view.setFollow(settings().follow);
+  const middle = () => {
+    const { left, top, width, height } = element.getBoundingClientRect();
+    return { x: left + width / 2, y: top + height / 2 };
+  };
+  // for screen readers, because a canvas has no text
+  const named = () => element.querySelector('canvas')?.setAttribute('aria-label', more().viewOfRobot);
+  chosen();
+  named();
+  const leave = [
+    addPageKeys(() => cameraKeys(view, middle), element),
+    onLanguage(named),
+    onSettings(chosen),
+    onTaps(element, (x, y, times) => times === 2 && closeTo(view, { x, y })),
+  ];
+  return () => {
+    for (const off of leave) off();
+  };
+}
+
+/** Tells a view how much of the picture is covered by notes and buttons, so that they don't hide the robot's feet or head.
+ *  Returns a function that stops it. */
+export function bindInsets(canvas: HTMLElement, view: Pick<BodyView, 'setCover'>): () => void {
+  const stage = canvas.parentElement;
+  if (stage === null) return () => {};
+  const over = (selector: string) =>
+    [...stage.querySelectorAll(`:scope > :is(${selector})`)].map((each) => each.getBoundingClientRect());
+  const measure = () => {
+    const { top, bottom } = stage.getBoundingClientRect();
+    // Hidden elements have no size and cover nothing.
+    const most = (lengths: readonly number[]) => Math.max(0, ...lengths);
+    view.setCover({
+      above: most(over(NOTES).map((at) => (at.height > 0 ? at.bottom - top + AIR : 0))),
+      below: most(over(BUTTONS).map((at) => (at.height > 0 ? bottom - at.top : 0))),
+    });
+  };
+  const sizes = new ResizeObserver(measure);
+  const watch = () => {
+    sizes.disconnect();
+    for (const each of [stage, ...stage.children]) sizes.observe(each);
+    measure();
+  };
+  const changes = new MutationObserver(watch);
+  changes.observe(stage, { childList: true });
+  watch();
+  return () => {
+    sizes.disconnect();
+    changes.disconnect();
+  };
+}

@@ -1,0 +1,117 @@
+import { type Camera, Group, Vector3 } from 'three';
+import type { OverlayReadings } from '../../twin/overlay/reader.ts';
+import type { LabelRoom } from '../signs/label_layout.ts';
+import { Overlay } from '../signs/overlay.ts';
+import type { OverlayStyle, ShownOverlay } from '../signs/robot_overlay.ts';
+import { FacetMesh, OverlayMesh } from './overlay_mesh.ts';
+import type { RobotNode } from './robot_node.ts';
+import type { ScenePart } from './scene_part.ts';
+import { type SceneTheme, THEMES } from './theme.ts';
+
+/** What the overlay needs from its scene. */
+export interface OverlayHost {
+  readonly host: HTMLElement;
+  readonly camera: Camera;
+  /** The picture, and its uncovered part. */
+  room(): LabelRoom;
+  /** Asks for a picture. */
+  changed(): void;
+  /** Asks for a tick, because something may move. */
+  wake(): void;
+}
+
+/** The overlay of all robots in a scene, in two draw calls and two more for filled areas, with its labels over the canvas. */
+export class OverlayPart implements ScenePart {
+  readonly object = new Group();
+  readonly #view: OverlayHost;
+  readonly #overlay: Overlay;
+  readonly #batch: OverlayMesh;
+  #filled: FacetMesh | null = null;
+
+  constructor(view: OverlayHost) {
+    this.#view = view;
+    this.#overlay = new Overlay(view.host, THEMES.dark.signs);
+    this.#batch = new OverlayMesh(this.#overlay.strokes);
+    this.object.add(this.#batch.object);
+  }
+
+  /** Whether the newest picture has balance signs. Nothing else is drawn under the robot then: red axes between them would look
+   *  like a warning. */
+  get balanced(): boolean {
+    return (this.#overlay.facets?.count ?? 0) > 0;
+  }
+
+  shown(of: RobotNode): ShownOverlay {
+    if (this.#make()) this.#view.changed();
+    return this.#overlay.shown(of);
+  }
+
+  /** Takes the newest readings and their style; they are drawn in the next tick. */
+  show(of: RobotNode, readings: OverlayReadings | null, manner?: OverlayStyle): void {
+    this.#overlay.show(of, readings, manner);
+    this.#view.wake();
+  }
+
+  follow(): void {
+    this.#overlay.moved();
+  }
+
+  /** Measures the robots' sizes again, for example after more of their meshes have loaded. */
+  measure(): void {
+    this.#overlay.measure();
+  }
+
+  setTheme({ signs }: SceneTheme): void {
+    this.#overlay.setTones(signs);
+  }
+
+  advance(seconds: number): boolean {
+    const moving = this.#overlay.advance(seconds);
+    if (this.#make()) this.#view.changed();
+    this.#placeLabels();
+    return moving;
+  }
+
+  /** Call before a picture is drawn: robots may have moved since the last tick. */
+  prepare(): void {
+    if (this.#make()) this.#placeLabels();
+  }
+
+  /** Call when the picture's size has changed. */
+  resize(): void {
+    this.#placeLabels();
+  }
+
+  dispose(): void {
+    this.#batch.dispose();
+    this.#filled?.dispose();
+    this.#overlay.dispose();
+  }
+
+  #make(): boolean {
+    const other = this.#overlay.make();
+    if (!other) return false;
+    this.#batch.update();
+    const { facets } = this.#overlay;
+    if (facets !== null && this.#filled === null) {
+      this.#filled = new FacetMesh(facets);
+      this.object.add(this.#filled.object);
+    }
+    this.#filled?.update();
+    return true;
+  }
+
+  #placeLabels(): void {
+    const { camera } = this.#view;
+    const room = this.#view.room();
+    const { width, height } = room;
+    camera.updateMatrixWorld();
+    this.#overlay.placeLabels((at) => {
+      POINT.set(...at).project(camera);
+      if (!(POINT.z > -1 && POINT.z < 1)) return null;
+      return { x: ((POINT.x + 1) / 2) * width, y: ((1 - POINT.y) / 2) * height };
+    }, room);
+  }
+}
+
+const POINT = new Vector3();

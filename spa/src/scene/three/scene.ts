@@ -1,0 +1,284 @@
+import { Color, Scene } from 'three';
+import { Debounce } from '../../browser/debounce.ts';
+import { markOnce } from '../../browser/first_paint.ts';
+import type { ModelReport } from '../../model/report.ts';
+import type { OverlayReadings } from '../../twin/overlay/reader.ts';
+import type { LocalRobot } from '../../urdf/local_robot.ts';
+import type { CameraRig } from '../camera/camera_rig.ts';
+import { AdaptiveQuality, type DrawingTrouble } from '../figure/adaptive_quality.ts';
+import type { SeenOverlay } from '../figure/body_view.ts';
+import type { NodeHost } from '../figure/figure_node.ts';
+import type { QualityStep } from '../figure/quality_steps.ts';
+import { RowStage } from '../figure/row_stage.ts';
+import type { OverlayStyle } from '../signs/robot_overlay.ts';
+import { SceneCamera } from './camera.ts';
+import { SceneCanvas } from './canvas.ts';
+import { Environment, SHADOW_PIXELS } from './environment.ts';
+import { OverlayPart } from './overlay_part.ts';
+import { Placeholders } from './placeholder.ts';
+import { RobotNode } from './robot_node.ts';
+import type { ScenePart } from './scene_part.ts';
+import { SceneRow } from './scene_row.ts';
+import { warmUp } from './shader_warm_up.ts';
+import type { SkinTones } from './skin.ts';
+import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
+
+const PLACEHOLDER_REACHES = 0.12;
+/** After this long without motion, a picture drawn with fewer pixels is redrawn with all of them. */
+const REST_MS = 500;
+
+export interface SceneOptions {
+  readonly theme: ThemeName;
+  /** Called when a drawing problem appears or disappears; null: none. */
+  readonly onTrouble?: (trouble: DrawingTrouble | null) => void;
+  /** Called after every picture, so that elements over the canvas can follow. */
+  readonly onDrawn?: () => void;
+}
+
+/**
+ * The 3D view of one or several robots, in a world with Z up. It combines the content (`RobotNode`, `Environment`, `ScenePart`s),
+ * the camera (`SceneCamera`), the canvas (`SceneCanvas`) and the timing (`RenderLoop`).
+ */
+export class RobotScene extends RowStage<RobotNode> {
+  protected override readonly row = new SceneRow();
+  protected override readonly rig: CameraRig;
+  readonly drawsBalance = true;
+  readonly #scene = new Scene();
+  readonly #surface: SceneCanvas;
+  readonly #camera: SceneCamera;
+  readonly #environment = new Environment();
+  readonly #placeholders = new Placeholders();
+  readonly #overlay: OverlayPart;
+  readonly #parts = new Set<ScenePart>();
+  readonly #tones: SkinTones = { accent: { value: new Color() }, caution: { value: new Color() } };
+  readonly #quality: AdaptiveQuality;
+  readonly #onDrawn: () => void;
+  #theme: SceneTheme;
+  readonly #sharpen = new Debounce(REST_MS, () => {
+    // A slow device may need longer than REST_MS for its next picture; it is then still in motion.
+    if (!this.loop.resting) return this.#sharpen.restart();
+    this.#surface.sharpness = 1;
+    this.loop.drawNow();
+  });
+  #size = { width: 1, height: 1 };
+  #cool: () => void = () => {};
+
+  /** Throws an Error with a user-facing message if the browser has no WebGL 2. */
+  constructor(host: HTMLElement, options: SceneOptions) {
+    super();
+    this.#quality = new AdaptiveQuality({
+      applyStep: (step) => this.#applyStep(step),
+      isCoarse: () => this.row.coarse,
+      isReplaceable: () => this.row.built,
+      report: options.onTrouble ?? (() => {}),
+    });
+    this.#onDrawn = options.onDrawn ?? (() => {});
+    this.#theme = THEMES[options.theme];
+    this.#surface = new SceneCanvas(host, {
+      resized: (width, height, pixelRatio) => this.#resized(width, height, pixelRatio),
+      blank: () => this.loop.drawNow(),
+      lost: () => {
+        this.#surface.forget(this.#scene);
+        this.#environment.forgetShadow();
+        this.#quality.contextLost(performance.now());
+      },
+      restored: () => {
+        this.#quality.contextRestored();
+        this.#drawShadows();
+      },
+    });
+    this.#camera = new SceneCamera(this.#surface.canvas, () => this.loop.request());
+    this.rig = this.#camera.rig;
+    this.#scene.add(this.#environment.group);
+    this.addRobot();
+    this.loop.add(this.rig);
+    this.#overlay = new OverlayPart({
+      host,
+      camera: this.#camera.camera,
+      room: () => this.rig.projection,
+      changed: () => this.loop.request(),
+      wake: () => this.loop.wake(),
+    });
+    this.add(this.#overlay);
+    this.loop.onInterval = (ms) => this.#quality.recordRepaint(ms);
+    this.setTheme(options.theme);
+    if (this.#surface.fit()) this.loop.drawNow();
+    const { renderer } = this.#surface;
+    this.#cool = warmUp(renderer, this.#scene, this.#camera.camera, this.robot.staleEffect, this.#tones);
+  }
+
+  get resting(): boolean {
+    return this.loop.resting && !this.#sharpen.pending;
+  }
+
+  /** Pixels drawn per CSS pixel, along each side. */
+  get pixelRatio(): number {
+    return this.#surface.renderer.getPixelRatio();
+  }
+
+  /** Draw calls of the newest picture, including shadows if they were redrawn. */
+  get drawCalls(): number {
+    return this.#surface.renderer.info.render.calls;
+  }
+
+  get triangles(): number {
+    return this.#surface.renderer.info.render.triangles;
+  }
+
+  topOf(robot: RobotNode): { x: number; y: number } | null {
+    const top = this.row.topOf(robot, this.#camera.camera);
+    const { width, height } = this.#size;
+    return top === null ? null : { x: ((top.x + 1) / 2) * width, y: ((1 - top.y) / 2) * height };
+  }
+
+  /** Adds a part to the scene. Returns a function that removes and disposes of it. */
+  add(part: ScenePart): () => void {
+    this.#parts.add(part);
+    this.#scene.add(part.object);
+    part.setTheme?.(this.#theme);
+    part.follow?.();
+    const rest = this.loop.add({ advance: (seconds, nowMs) => part.advance?.(seconds, nowMs) ?? false });
+    this.#drawShadows();
+    return () => {
+      rest();
+      this.#parts.delete(part);
+      part.object.removeFromParent();
+      part.dispose();
+      this.#drawShadows();
+    };
+  }
+
+  /** Requests a picture, because a part has changed. */
+  request(): void {
+    this.loop.request();
+  }
+
+  /** Like `load`, for a robot whose files are already in this browser. */
+  loadLocal(robot: LocalRobot): Promise<ModelReport> {
+    return this.robot.loadLocal(robot);
+  }
+
+  setTheme(name: ThemeName): void {
+    const theme = THEMES[name];
+    this.#theme = theme;
+    this.#scene.background = theme.page;
+    this.#surface.renderer.toneMappingExposure = theme.exposure;
+    this.#environment.setTheme(theme);
+    this.#placeholders.setColor(theme.caution);
+    this.#tones.accent.value = theme.accent;
+    this.#tones.caution.value = theme.caution;
+    this.row.setTheme(theme);
+    for (const part of this.#parts) part.setTheme?.(theme);
+    this.loop.request();
+  }
+
+  get finerBytes(): number | null {
+    return this.robot.finerBytes;
+  }
+
+  refine(onProgress: (receivedBytes: number, totalBytes: number) => void): Promise<void> {
+    return this.robot.refine(onProgress);
+  }
+
+  /** Pans the world in the picture plane. */
+  override pan(dx: number, dy: number): void {
+    this.#camera.pan(dx, dy);
+  }
+
+  pick(clientX: number, clientY: number): string | null {
+    return this.robot.pick(this.#camera.ray(this.#surface.place(clientX, clientY)));
+  }
+
+  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.robot): void {
+    this.#overlay.show(of, readings, manner);
+  }
+
+  signsOf(robot: RobotNode): SeenOverlay {
+    return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
+  }
+
+  /** Turns adaptive quality off and draws at full quality, for saved pictures. */
+  keepSharp(): void {
+    this.loop.onInterval = null;
+    this.#quality.reset();
+  }
+
+  dispose(): void {
+    this.loop.stop();
+    this.#sharpen.cancel();
+    this.#quality.dispose();
+    this.#camera.dispose();
+    for (const part of this.#parts) part.dispose();
+    this.row.dispose();
+    this.#placeholders.dispose();
+    this.#environment.dispose();
+    this.#cool();
+    this.#surface.dispose();
+  }
+
+  protected override make(host: NodeHost): RobotNode {
+    const robot = new RobotNode({
+      ...host,
+      tones: this.#tones,
+      theme: () => this.#theme,
+      placeholder: () => this.#placeholders.make(this.rig.reach * PLACEHOLDER_REACHES),
+    });
+    robot.staleEffect.setPixelRatio(this.pixelRatio);
+    this.#scene.add(robot.object);
+    return robot;
+  }
+
+  protected override placed(middle: { readonly x: number; readonly y: number } | null): void {
+    if (middle !== null) {
+      this.#environment.touch(this.row.boxes);
+      this.#environment.follow(middle.x, middle.y, this.rig.middle.flies);
+    }
+    for (const part of this.#parts) part.follow?.();
+    this.#drawShadows();
+  }
+
+  protected override framed(): void {
+    this.#environment.resize(this.rig.reach);
+    this.#overlay.measure();
+    this.#drawShadows();
+  }
+
+  #drawShadows(): void {
+    this.#surface.renderer.shadowMap.needsUpdate = true;
+    this.loop.request();
+  }
+
+  #resized(width: number, height: number, pixelRatio: number): void {
+    this.row.setPixelRatio(pixelRatio);
+    if (this.#size.width === width && this.#size.height === height) return;
+    this.#size = { width, height };
+    this.rig.resize(width, height);
+    this.#overlay.resize();
+  }
+
+  protected override draw(): boolean {
+    const { pixels } = this.#quality;
+    const moving = !this.loop.resting;
+    if (pixels < 1 && moving) {
+      this.#surface.sharpness = pixels;
+      this.#sharpen.restart();
+    }
+    this.#overlay.prepare();
+    this.#environment.axesShown = !this.#overlay.balanced;
+    const drawn = this.#surface.render(this.#scene, this.#camera.camera);
+    this.#onDrawn();
+    if (drawn && this.robot.pose !== null && this.robot.figure !== null) {
+      markOnce(this.robot.dressed ? 'posecast:skin' : 'posecast:skeleton');
+      if (this.robot.dressed) this.#cool();
+    }
+    return drawn;
+  }
+
+  /** Uses this step's pixels, shadows and level of detail from now on. */
+  #applyStep({ pixels, shadow, lowest }: QualityStep): void {
+    this.#environment.shadowPixels = SHADOW_PIXELS * shadow;
+    if (pixels === 1) this.#surface.sharpness = 1;
+    this.row.keepCoarse(lowest);
+    this.#drawShadows();
+  }
+}

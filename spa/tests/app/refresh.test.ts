@@ -1,0 +1,71 @@
+import { afterEach, beforeEach, expect, it, vi } from 'vitest';
+import { refreshWith } from '../../src/app/shell/refresh.ts';
+import { RobotTwin } from '../../src/twin/robot.ts';
+import { codesWith, SCHEMA } from '../rigs/schema.ts';
+
+beforeEach(() => void vi.useFakeTimers());
+afterEach(() => void vi.useRealTimers());
+
+function written(leastMs?: number) {
+  const twin = new RobotTwin('small', 0);
+  twin.acceptSchema(SCHEMA);
+  let told = () => {};
+  let writes = 0;
+  const also = (listener: () => void) => {
+    told = listener;
+    return () => {
+      told = () => {};
+    };
+  };
+  const end = refreshWith(
+    twin,
+    () => {
+      writes += 1;
+    },
+    [also],
+    leastMs,
+  );
+  const frame = () =>
+    twin.acceptState({
+      ...{
+        schemaId: SCHEMA.id,
+        seq: 1,
+        tS: 0,
+        codes: codesWith(),
+        freshMs: 0,
+        bornMs: 0,
+        changedMs: 0,
+        atMs: 0,
+      },
+    });
+  return { frame, end, tell: () => told(), writes: () => writes };
+}
+
+it('writes ten times a second at most, whoever tells, and once more for the last', () => {
+  const { frame, tell, writes } = written();
+  vi.advanceTimersByTime(0);
+  expect(writes()).toBe(1);
+  for (let n = 0; n < 300; n += 1) {
+    frame();
+    tell();
+    vi.advanceTimersByTime(10);
+  }
+  expect(writes()).toBeLessThanOrEqual(31);
+  vi.advanceTimersByTime(100);
+  const before = writes();
+  frame();
+  vi.advanceTimersByTime(100);
+  expect(writes()).toBe(before + 1);
+  vi.advanceTimersByTime(10_000);
+  expect(writes(), 'nothing new, nothing written').toBe(before + 1);
+});
+
+it('goes on without frames where that is wanted, and ends', () => {
+  const { end, frame, writes } = written(500);
+  vi.advanceTimersByTime(5000);
+  expect(writes()).toBe(10);
+  end();
+  frame();
+  vi.advanceTimersByTime(5000);
+  expect(writes()).toBe(10);
+});

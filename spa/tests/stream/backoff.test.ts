@@ -1,0 +1,32 @@
+import { expect, it } from 'vitest';
+import { retryDelayMs } from '../../src/stream/pacing.ts';
+
+it('full jitter under a ceiling that doubles from half a second to thirty seconds', () => {
+  const ceilings = [0, 1, 2, 3, 4, 5, 6, 7, 20].map((failures) => retryDelayMs('backoff', failures, 1, null));
+  expect(ceilings).toEqual([500, 1000, 2000, 4000, 8000, 16_000, 30_000, 30_000, 30_000]);
+  expect(retryDelayMs('backoff', 7, 0, null)).toBe(0);
+  expect(retryDelayMs('backoff', 2, 0.25, null)).toBe(500);
+});
+
+it('spreads a hall that is sent away over the time the relay names, ten seconds when it names none', () => {
+  expect(retryDelayMs('spread', 0, 0.5, 4)).toBe(2000);
+  expect(retryDelayMs('spread', 0, 0.5, null)).toBe(5000);
+  expect(retryDelayMs('spread', 1, 0.5, 4)).toBe(500);
+});
+
+it('waits as long as the relay asks, thirty seconds when it does not say, and then some', () => {
+  expect(retryDelayMs('wait', 0, 0, 12)).toBe(12_000);
+  expect(retryDelayMs('wait', 0, 0, null)).toBe(30_000);
+  expect(retryDelayMs('wait', 2, 0.5, 12)).toBe(13_000);
+});
+
+it('asks for an absent robot after half a minute to a minute, however often', () => {
+  expect([0, 0.5, 1].map((random) => retryDelayMs('later', 0, random, null))).toEqual([
+    30_000, 45_000, 60_000,
+  ]);
+  expect(retryDelayMs('later', 9, 0, null)).toBe(30_000);
+});
+
+it('does not come back by itself where that would not help', () => {
+  expect(retryDelayMs('never', 0, 0.5, 3)).toBeNull();
+});
