@@ -144,7 +144,7 @@ async def test_a_certificate_that_is_renewed_in_place_leaves_no_gap(
             async with Watcher(relay.url("hubo")) as viewer:
                 await viewer.until("frames", lambda v: len(v.frames) > 10, 30.0)
                 viewer.texts.clear()
-                line.further_s = 0.3  # the old session's end would overtake what the new one says
+                line.further_s = 0.15  # the old session's end would overtake what the new one says
                 for new, old in zip(lab.certificate("hubo"), (chain, key), strict=True):
                     shutil.move(new, old)
                 await run("the new one is in use", lambda: TAKEN in errors.read_text())

@@ -375,9 +375,8 @@ class ZenohPublisher:
                 self._watch.record_question(asked_s)
             echo = self._echo_of(session)
             with self._watch_lock:
-                if (
-                    self.connected and self._session is session
-                ):  # not the time of a link that a newer one replaced
+                # the time of a link that a newer one has replaced says nothing of that one
+                if self.connected and self._session is session:
                     self._watch.record_answer(echo, asked_s, time.monotonic())
                     self.echoes += 1
             # a valid certificate opens the link even if it has a wrong name
