@@ -301,6 +301,23 @@ describe('the time line', () => {
     await vi.waitFor(() => expect(head.textContent).toMatch(/^\d\d:\d\d:\d\d$/));
   });
 
+  it('keeps the playhead’s time on the track, however wide the font makes it', async () => {
+    const { past, find } = await timeLine();
+    past.rest(1);
+    const head = await find('playhead');
+    const time = await vi.waitFor(() => head.querySelector('time')!);
+    const [, headPx] = /translateX\((\d+\.?\d*)px/.exec(head.style.transform)!;
+    const limits = /^translateX\(clamp\(-([\d.]+)px, -50%, ([\d.]+)px - 100%\)\)$/.exec(
+      time.style.transform,
+    )!;
+    const [leftPx, rightPx] = limits.slice(1).map(Number);
+    expect(leftPx).toBeCloseTo(Number(headPx), 3);
+    expect(leftPx! + rightPx!).toBeCloseTo(
+      (await find('track')).parentElement!.getBoundingClientRect().width,
+      0,
+    );
+  });
+
   it('End takes away what the resting mouse had shown; beside the playhead’s time that makes room', async () => {
     const { past, find, gone } = await timeLine();
     past.rest(300);

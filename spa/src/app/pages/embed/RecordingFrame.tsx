@@ -1,3 +1,4 @@
+import '../recording/recorded_chip.css';
 import { isolated } from '../../../twin/names.ts';
 import { PastBar } from '../../past/PastBar.tsx';
 import { usePresenting } from '../../state/presenting.ts';

@@ -1,3 +1,4 @@
+import './recorded_chip.css';
 import './recording.css';
 import { useState } from 'react';
 import { isolated } from '../../../twin/names.ts';

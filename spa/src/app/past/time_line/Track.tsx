@@ -76,7 +76,7 @@ export function Track({
     pxAt(view, view.toMs),
     Math.max(pxAt(view, view.fromMs), pxAt(view, playhead.momentMs)),
   );
-  const timePx = Math.min(view.widthPx - TIME_PX, Math.max(TIME_PX, headPx)) - headPx;
+  const timePx = Math.min(view.widthPx - TIME_PX, Math.max(TIME_PX, headPx));
   return (
     <div
       className="track"
@@ -124,7 +124,12 @@ export function Track({
           data-loading={playhead.note === 'loading'}
         >
           {open && (
-            <time style={{ transform: `translateX(calc(${timePx}px - 50%))` }}>
+            // percentages are of its own width, which depends on the font: it never leaves the track
+            <time
+              style={{
+                transform: `translateX(clamp(${-headPx}px, -50%, ${view.widthPx - headPx}px - 100%))`,
+              }}
+            >
               {formatClockSeconds(playhead.momentMs)}
               {!playhead.playing && hundredthsWords(playhead.momentMs)}
             </time>
@@ -132,7 +137,7 @@ export function Track({
         </div>
       )}
       {hover !== null && (
-        <Tip {...{ timeline, view, playhead, nowMs, hover }} headPx={open && past ? headPx + timePx : null} />
+        <Tip {...{ timeline, view, playhead, nowMs, hover }} headPx={open && past ? timePx : null} />
       )}
     </div>
   );

@@ -54,8 +54,8 @@ export function textPxOf(heightPx: number, open: boolean): number {
   return heightPx >= LARGE_PX[open ? 'open' : 'slim'] ? 15 : 12;
 }
 
-/** Half the width of the playhead's time, CSS px. */
-export const TIME_PX = 45;
+/** Half the width of the playhead's time, CSS px, or a little more: a tip keeps this distance. */
+export const TIME_PX = 48;
 
 /** The pointer's position on the track, CSS px. `touch`: a finger, which covers what is under it. */
 export interface Hover {

@@ -1,3 +1,4 @@
+import '../../../shell/styles/choices.css';
 import './jump.css';
 import { type FormEvent, useEffect, useId, useRef, useState, useSyncExternalStore } from 'react';
 import type { PastControls, Timeline } from '../../../../past/past_types.ts';
