@@ -86,7 +86,7 @@ def test_the_relay_understands_what_it_is_told() -> None:
             told = fill_environment(name, MAX_PER_ADDRESS="300", RELAY_WORKERS=workers)
             found = parse(["run"], told | here)
             assert (found.role, found.max_per_address) == (role, 300)
-        with pytest.raises(SettingsError, match=r"^POSECAST_WORKERS '4': removed; .* run gateways"):
+        with pytest.raises(SettingsError, match=r"^POSECAST_WORKERS '4': removed, .* run gateways"):
             parse(["run"], fill_environment(name, RELAY_WORKERS="4") | here)
 
 

@@ -241,6 +241,9 @@ def test_what_cannot_be_written_is_status_one_and_leaves_nothing(
         f"posecast: {tmp_path}/x.csv: already exists; give --replace to replace it\n"
     )
     assert "is not an earlier export" in fail(good, tmp_path / "x.csv", "--replace")
+    (tmp_path / "folder.csv").mkdir()
+    assert fail(good, tmp_path / "folder.csv") == f"posecast: {tmp_path}/folder.csv: is a directory\n"
+    (tmp_path / "folder.csv").rmdir()
     assert fail(good, "/no/x.csv") == "posecast: /no/x.csv: there is no folder /no\n"
 
     def be_interrupted(*_: object) -> None:

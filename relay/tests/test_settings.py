@@ -108,8 +108,10 @@ def test_more_workers_are_refused_with_what_to_use_instead(
 ) -> None:
     with pytest.raises(SettingsError) as error:
         parse(["run", *argv], environ)
-    says = "removed; for more cores or machines, run gateways: --role gateway with --store redis://…"
-    assert str(error.value) == f"{where}: {says}"
+    says = "removed, leave it out; for more cores or machines, run gateways: the relay and each gateway with "
+    how = "the same --store redis://…, gateways with --role gateway (docs/how-to/scale/gateways.md)"
+    assert str(error.value) == f"{where}: {says}{how}"
+    assert (Path(__file__).parents[2] / "docs/how-to/scale/gateways.md").exists()
 
 
 def test_one_worker_which_old_scripts_and_compose_files_set_is_what_a_relay_is() -> None:

@@ -55,7 +55,8 @@ it('a recording on a slow line moves nothing before its first pose that it does 
       `a recording: script has run after ${marks.script?.toFixed(0)} ms, first pose (lines) after ${marks.skeleton?.toFixed(0)} ms, shells after ${marks.skin?.toFixed(0)} ms, first paint ${fcpMs.toFixed(0)} ms`,
     );
     const firstPart = asked.find(({ file }) => file.endsWith('.segment'))!;
-    const before = asked.filter(({ endMs }) => endMs > 0 && endMs <= firstPart.endMs);
+    // what is asked for beside the first segment comes in an order that depends on the machine
+    const before = asked.filter(({ startMs }) => startMs <= firstPart.startMs);
     const own = asked.filter(({ file }) => /\.json$|\.segment$|\.glb$|\.keys$/.test(file));
     expect(
       own

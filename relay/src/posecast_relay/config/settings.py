@@ -315,8 +315,9 @@ def _refuse_workers(given: str | None, environ: Mapping[str, str]) -> None:
     where, text = ("--workers", given) if given is not None else (variable, environ.get(variable) or "1")
     if text != "1":
         raise SettingsError(
-            f"{where} {text!r}: removed; for more cores or machines, run gateways: --role gateway with "
-            "--store redis://…"
+            f"{where} {text!r}: removed, leave it out; for more cores or machines, run gateways: "
+            "the relay and each gateway with the same --store redis://…, gateways with --role gateway "
+            "(docs/how-to/scale/gateways.md)"
         )
 
 

@@ -82,7 +82,8 @@ def open_place(target: Path, replace: bool) -> Iterator[Path]:
                 _clear(beside, target)
     except OSError as e:
         why = (e.strerror or str(e)).lower()
-        raise OutputError(f"{target}: {why}; nothing of it is left") from None
+        left = "" if isinstance(e, IsADirectoryError) else "; nothing of it is left"  # that folder is left
+        raise OutputError(f"{target}: {why}{left}") from None
 
 
 def _is_empty_folder(path: Path) -> bool:

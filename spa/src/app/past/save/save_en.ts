@@ -20,7 +20,7 @@ export const saveEn = {
   },
   /** Before a command. */
   mcap: 'For MCAP with ROS 2 messages, save as Posecast and run',
-  offered: 'The whole recording:',
+  offered: 'The whole recording, without balance:',
   /** `bytes`: "3.4 MB". */
   measured: (frames: number, bytes: string) =>
     `${frames.toLocaleString('en')} ${frames === 1 ? 'frame' : 'frames'}, about ${bytes}`,

@@ -21,7 +21,7 @@ export const saveKo: typeof saveEn = {
     },
   },
   mcap: 'ROS 2 메시지를 담은 MCAP이 필요하면 Posecast로 저장한 뒤 다음을 실행하세요:',
-  offered: '기록 전체:',
+  offered: '기록 전체(균형 제외):',
   measured: (frames, bytes) => `프레임 ${frames.toLocaleString('ko')}개, 약 ${bytes}`,
   measuring: '기록을 확인하는 중 …',
   notYet: (moment) => `${moment}까지 저장됩니다. 그 뒤 몇 초는 릴레이가 아직 쓰는 중입니다.`,
