@@ -12,6 +12,8 @@ const SAVES_DATA = `Object.defineProperty(navigator, 'connection', { value: { sa
 
 const triangles = (page: Page) => page.evaluate<number>('window.posecast?.scene?.triangles ?? 0');
 const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
+/** The file of the light view, `scene/canvas2d/view.ts`. */
+const LIGHT = 'view';
 const has = (page: Page, part: string) => page.requested.some((url) => url.includes(`/${part}-`));
 /** Switches to the light view, as a slow device does automatically. */
 const draw = (page: Page, how: 'light' | '3d') =>
@@ -37,7 +39,7 @@ async function watched(preload = ''): Promise<{ page: Page; link: FaultyLink }> 
 it('a body whose code did not come while the relay was away is there when the relay is, by itself', async () => {
   const { page, link } = await watched(SAVES_DATA);
   try {
-    expect(has(page, 'canvas2d'), 'nothing was fetched ahead').toBe(false);
+    expect(has(page, LIGHT), 'nothing was fetched ahead').toBe(false);
     link.cut(true);
     await until('STALE', is(page, 'STALE'), 30_000);
     await draw(page, 'light');
@@ -48,6 +50,7 @@ it('a body whose code did not come while the relay was away is there when the re
     link.heal();
     await until('a body again', async () => (await triangles(page)) > 500, 60_000);
     await until('LIVE', is(page, 'LIVE'), 60_000);
+    expect(has(page, LIGHT)).toBe(true);
     expect(await page.findByTestId('no-scene').count()).toBe(0);
     expect(await page.evaluate<boolean>('window.same')).toBe(true);
   } finally {
@@ -58,7 +61,7 @@ it('a body whose code did not come while the relay was away is there when the re
 it('what may be needed later is here before the relay goes away', async () => {
   const { page, link } = await watched();
   try {
-    for (const part of ['canvas2d', 'ShareSheet', 'SettingsSheet', 'Plots', 'Explanation'])
+    for (const part of [LIGHT, 'ShareSheet', 'SettingsSheet', 'Plots', 'Explanation'])
       await until(`${part} fetched ahead`, () => has(page, part), 60_000);
     link.cut(true);
     await until('STALE', is(page, 'STALE'), 30_000);
