@@ -7,7 +7,7 @@ import { settings, useSettings } from '../state/settings.ts';
 /** Draws and reports balance. Loaded only for robots that can stand, and only when the viewer wants it. */
 export const BALANCE = new LatePart(async () => {
   const parts = [
-    import('../../scene/signs/balance/balance_picture.ts'),
+    import('../../scene/signs/balance/balance_overlay.ts'),
     import('./balance_watch.ts'),
     import('./Stood.tsx'),
   ] as const;

@@ -7,12 +7,12 @@ import { StanceJudge } from '../../../twin/balance/stance.ts';
 import type { BalanceReadings } from '../../../twin/overlay/reader.ts';
 import type { Pose } from '../../../twin/playback/pose.ts';
 import type { Vec3 } from '../../../twin/rotation.ts';
-import type { BalanceDrawing, BalanceStyle, ShownBalance } from '../balance_drawing.ts';
+import type { BalanceDrawing, BalancePicture, BalanceStyle, ShownBalance } from '../balance_drawing.ts';
 import type { OverlayLabel } from '../labels.ts';
 import { Footprints } from './footprints.ts';
 import { drawJointLimits } from './joint_arc.ts';
 import { drawCapture, drawMass, drawMassFoot, drawPressure } from './mass.ts';
-import { type Facets, paintsOf } from './shapes.ts';
+import { Facets, paintsOf } from './shapes.ts';
 import { drawSupport, type MarginLine, marginLine } from './support.ts';
 
 /** Height of the signs above the floor, in radii of the robot. */
@@ -127,4 +127,15 @@ function marginLabel(
   const outline = corners.map((from, i) => [from, corners[(i + 1) % corners.length]!] as const);
   const lines: OverlayLabel['lines'] = [[foot, edge], [edge, sign ?? edge], ...outline];
   return { key: 'margin', text, level, quiet: false, old: !live, at: edge, middle: foot, lines };
+}
+
+/** Creates the object that draws the balance of all robots in one picture. */
+export function makeBalance(): BalancePicture {
+  const facets = new Facets();
+  return {
+    facets,
+    begin: () => facets.begin(),
+    end: () => facets.end(),
+    addRobot: () => new BalanceOverlay(facets),
+  };
 }
