@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
+import fuzz.target
 from fuzz.child import LED
+from fuzz.target import YARD_S, Target, judge
 
 ROOT = Path(__file__).parents[2]
 BROKEN = {
@@ -74,3 +76,15 @@ def test_what_typescript_does_leads_too_and_only_findings_are_left(
 def test_without_atheris_cases_are_changed_at_random(tmp_path: Path) -> None:
     found = play("-c", WITHOUT_ATHERIS, str(tmp_path), "40", "square", "unlike", "talkative")
     assert all(findings for _, findings in found.values())
+
+
+@pytest.mark.parametrize(("slower", "dear"), [(1, True), (3, False), (0.5, True)])
+def test_a_case_may_cost_more_where_all_work_does(
+    monkeypatch: pytest.MonkeyPatch, slower: float, dear: bool
+) -> None:
+    def read(_data: bytes) -> None:
+        fuzz.target.CLOCK.elsewhere_s += 0.1
+
+    monkeypatch.setattr(fuzz.target, "walk_a_yard", lambda: YARD_S * slower)
+    found = judge(Target("slow", read, ms=50, ms_per_kb=0), b"1")
+    assert (found is not None and found.kind == "cost") == dear
