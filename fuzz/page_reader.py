@@ -13,7 +13,7 @@ from typing import Any
 from xml.parsers import expat
 
 from fuzz.scratch import new_folder
-from fuzz.target import CLOCK, Gone, Refused, TooDear
+from fuzz.target import CLOCK, Gone, Refused, TooDear, slowness
 
 HERE = Path(__file__).parent / "page"
 PATIENCE_S = 60.0  # for one answer; what takes longer has hung
@@ -56,7 +56,7 @@ class Page:
         if spent_ms > MS + MS_PER_KB * kb:
             spent_ms = min(spent_ms, self._ask(target, data)[1], self._ask(target, data)[1])
         CLOCK.elsewhere_s += spent_ms / 1000
-        if spent_ms > MS + MS_PER_KB * kb:
+        if spent_ms > MS + MS_PER_KB * kb and spent_ms > (MS + MS_PER_KB * kb) * slowness():
             raise TooDear(f"{spent_ms:.0f} ms in Node for {kb:.1f} KB")
         if "fault" in answer:
             raise PageFault(answer["fault"])
