@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ from posecast_edge.model.urdf.xml_tree import read_root_tag
 if TYPE_CHECKING:
     from posecast_edge.model.meshes.mesh import Mesh
 
-ROOTS = {"mujoco": "mjcf", "sdf": "sdf", "gazebo": "sdf"}
+ROOTS = {"mujoco": "mjcf", "sdf": "sdf", "gazebo": "sdf"}  # root element → format; any other is a URDF
 MJCF_READER = "posecast_edge.model.mjcf.reader"
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 MACRO = re.compile(rb"<xacro:|\"[^\"<>]*\$[{(]")  # a tag of xacro's, or an attribute with an expression
@@ -66,14 +66,7 @@ def load_robot_file(
         return _load_xacro(path, packages, xacro_arguments or {})
     if xacro_arguments:
         raise ModelRefused("--xacro-arg is only for xacro files; this file has no macros")
-    if kind == "mjcf":
-        return _load_mjcf(path, packages)
-    if kind == "sdf":
-        from posecast_edge.model.sdf.reader import load_sdf  # noqa: PLC0415 - the agent stays small without it
-
-        urdf, inputs = load_sdf(path, Resolver(path, packages))
-        return RobotFile(urdf, {}, inputs)
-    return RobotFile(load_urdf(path), {}, (path,))
+    return LOADERS[kind](path, packages)
 
 
 def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, str]) -> RobotFile:
@@ -100,8 +93,27 @@ def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, st
     return RobotFile(urdf, {}, expanded.inputs)
 
 
+def _load_urdf(path: Path, packages: Sequence[Path]) -> RobotFile:  # noqa: ARG001 - meshes are found later
+    return RobotFile(load_urdf(path), {}, (path,))
+
+
+def _load_sdf(path: Path, packages: Sequence[Path]) -> RobotFile:
+    from posecast_edge.model.sdf.reader import load_sdf  # noqa: PLC0415 - the agent stays small without it
+
+    urdf, inputs = load_sdf(path, Resolver(path, packages))
+    return RobotFile(urdf, {}, inputs)
+
+
 def _load_mjcf(path: Path, packages: Sequence[Path]) -> RobotFile:
     """MJCF is compiled by MuJoCo, an extra that only this branch needs."""
     reader = importlib.import_module(MJCF_READER)
     robot: RobotFile = reader.load_mjcf(path, packages)
     return robot
+
+
+# format → what reads a file of it; the folders are those in which packages are looked for
+LOADERS: dict[str, Callable[[Path, Sequence[Path]], RobotFile]] = {
+    "urdf": _load_urdf,
+    "sdf": _load_sdf,
+    "mjcf": _load_mjcf,
+}

@@ -11,8 +11,7 @@ A kind is a module with two functions:
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping
-from types import MappingProxyType, ModuleType
+from types import ModuleType
 from typing import TYPE_CHECKING, Protocol, cast
 
 from posecast_wire.command_line.parser import suggest
@@ -24,20 +23,18 @@ if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
 
 # kind → its module below posecast_edge.sources, and after a colon the function that opens it
-KINDS: Mapping[str, str] = MappingProxyType(
-    {
-        "jsonl": "jsonl",
-        "csv": "files.csv",
-        "mcap": "files.ros_recording:open_mcap",
-        "bag": "files.ros_recording:open_bag",
-        "trajectory": "files.trajectory",
-        "mujoco": "mujoco.source",
-        "demo": "demo",
-        "hubo-ach": "hubo.source",
-        "ros2": "ros.ros2",
-        "rosbridge": "ros.rosbridge",
-    }
-)
+KINDS = {
+    "jsonl": "jsonl",
+    "csv": "files.csv",
+    "mcap": "files.ros_recording:open_mcap",
+    "bag": "files.ros_recording:open_bag",
+    "trajectory": "files.trajectory",
+    "mujoco": "mujoco.source",
+    "demo": "demo",
+    "hubo-ach": "hubo.source",
+    "ros2": "ros.ros2",
+    "rosbridge": "ros.rosbridge",
+}
 
 
 class _Open(Protocol):

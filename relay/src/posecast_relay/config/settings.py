@@ -32,6 +32,7 @@ STATUSES = {
     1: "a command failed",
     2: "wrong arguments, or a port in use",
 }
+STORES = ["memory", "redis", "rediss", "redis+cluster"]  # schemes of `--store`; see server/roles.py
 MEMORY = "memory:"  # a value of `--past`: keep the past in memory only
 
 
@@ -82,6 +83,11 @@ class Settings:
     def archive(self) -> str | None:
         """The URL of the object store that keeps the past; None without one."""
         return None if self.past in (None, MEMORY) else self.past
+
+    @property
+    def uses_redis(self) -> bool:
+        """Whether the store is a Redis."""
+        return self.store.startswith("redis")
 
 
 def _boolean(text: str) -> bool:
@@ -149,7 +155,8 @@ def _host(text: str) -> str:
 
 
 def _store(text: str) -> str:
-    if text != "memory://" and not re.match(r"rediss?(\+cluster)?://[^\s]+$", text):
+    scheme, _, place = text.partition("://")
+    if scheme not in STORES or not (text == "memory://" or re.match(r"\S+$", place)):
         raise ValueError("use memory://, redis://HOST:PORT, rediss://… (TLS) or redis+cluster://…")
     return text
 
@@ -355,7 +362,7 @@ def parse(argv: Sequence[str], environ: Mapping[str, str], program: str = "posec
     values = {flag.name: _value(flag, asked[flag.name], environ) for flag in FLAGS}
     assert set(values) == {f.name for f in fields(Settings)}
     settings = Settings(**values)  # type: ignore[arg-type]
-    if settings.role != "all" and settings.store == "memory://":
+    if settings.role != "all" and not settings.uses_redis:
         raise SettingsError(f"--role {settings.role}: needs --store redis://…, which connects the roles")
     if not settings.dev and settings.robots is None:
         raise SettingsError(

@@ -304,7 +304,7 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
     if settings.past is None:
         return None
     deletions, deletion_feed = Deletions(), None
-    if settings.store != "memory://":
+    if settings.uses_redis:
         from posecast_relay.redis.past_deletions import RedisDeletions  # noqa: PLC0415
 
         deletion_feed = RedisDeletions(settings.store, deletions)
@@ -325,7 +325,7 @@ def make_past_services(settings: Settings, port: int = 0) -> PastServices | None
     memory = ObedientMemory(kept, deletions)
     ports = RecordingPorts(memory.add, lambda: secrets.randbits(64), time.time)
     writer = None
-    if settings.store != "memory://":
+    if settings.uses_redis:
         from posecast_relay.redis.past_writer import RedisPastWriter  # noqa: PLC0415
 
         writer = RedisPastWriter(settings.store, settings.past_memory, deletions)

@@ -71,17 +71,18 @@ def _make(
     if router is None:
         return _gateway(settings.store, hub, cache_bytes, pinned, join_models)
     models = ModelCache(join_models(EdgeModels(router, hub)), cache_bytes)
-    ingest = ZenohIngest(router)
-    if settings.store == "memory://":
+    connect = STORES[settings.store.partition("://")[0]]
+    return connect(settings.store, hub, models, ZenohIngest(router))
 
-        async def start(dispatcher: Dispatcher) -> None:
-            ingest.start(dispatcher)
 
-        async def stop() -> None:
-            ingest.stop()
+def _in_memory(_url: str, _hub: Hub, models: ModelCache, ingest: ZenohIngest) -> RoleServices:
+    async def start(dispatcher: Dispatcher) -> None:
+        ingest.start(dispatcher)
 
-        return RoleServices(models, MemoryStore(), ingest, start, stop, ingest.admit)
-    return _with_redis(settings.store, hub, models, ingest)
+    async def stop() -> None:
+        ingest.stop()
+
+    return RoleServices(models, MemoryStore(), ingest, start, stop, ingest.admit)
 
 
 def _with_redis(url: str, hub: Hub, models: ModelCache, ingest: ZenohIngest) -> RoleServices:
@@ -102,6 +103,15 @@ def _with_redis(url: str, hub: Hub, models: ModelCache, ingest: ZenohIngest) -> 
         await store.stop()
 
     return RoleServices(models, store, ingest, start, stop, ingest.admit)
+
+
+# scheme of --store, which config/settings.py checks → connects the robots that this process hears to it
+STORES: dict[str, Callable[[str, Hub, ModelCache, ZenohIngest], RoleServices]] = {
+    "memory": _in_memory,
+    "redis": _with_redis,
+    "rediss": _with_redis,
+    "redis+cluster": _with_redis,
+}
 
 
 def _describe_robot(robot: Robot) -> dict[str, Any]:
