@@ -189,6 +189,7 @@ def test_one_line_for_all_that_is_wrong(
     (tmp_path / "empty").mkdir()
     (tmp_path / "text.posecast").write_text("a,b\n")
     (tmp_path / "cut.posecast").write_bytes(good.read_bytes()[:-30])
+    (tmp_path / "hollow.posecast").touch()
     os.mkfifo(tmp_path / "pipe")
     newer = json.dumps({"format": "posecast-recording", "version": 2}).encode()
     as_index = {"newer.posecast": newer, "torn.posecast": b'{"format":', "other.posecast": b"{}"}
@@ -203,6 +204,7 @@ def test_one_line_for_all_that_is_wrong(
         ([tmp_path / "photos.zip", out], f"{tmp_path}/photos.zip: no recording: it has no recording.json"),
         ([tmp_path / "pipe", out], f"{tmp_path}/pipe: neither a file nor a folder"),
         ([tmp_path / "text.posecast", out], "text.posecast: not a .posecast file, or cut short"),
+        ([tmp_path / "hollow.posecast", out], "hollow.posecast: the file is empty"),
         ([tmp_path / "cut.posecast", out], "cut.posecast: not a .posecast file, or cut short"),
         ([tmp_path / "newer.posecast", out], "newer.posecast: version: made by a newer Posecast"),
         ([tmp_path / "torn.posecast", out], "torn.posecast: recording: not JSON"),

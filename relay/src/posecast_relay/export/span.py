@@ -86,7 +86,10 @@ class RecordingZip:
             self._zip = zipfile.ZipFile(_ShortReader(file))
             entries = self._zip.infolist()
         except (OSError, *ZIP_ERRORS) as e:
-            reason = str(e) if isinstance(e, FileUnreadable) else "not a .posecast file, or cut short"
+            if isinstance(e, FileUnreadable):
+                raise
+            is_empty = file.seek(0, os.SEEK_END) == 0
+            reason = "the file is empty" if is_empty else "not a .posecast file, or cut short"
             raise FileUnreadable(reason) from None
         if len(entries) > ENTRIES_MAX:
             raise FileUnreadable(f"{len(entries)} entries, {ENTRIES_MAX} allowed")

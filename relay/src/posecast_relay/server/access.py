@@ -57,7 +57,11 @@ async def wait_for_robots(settings: Settings) -> Robots | None:
             robots = load_robots(settings)
         except (RobotsError, CertificateError) as e:
             if str(e) != reported:
-                log.error("%s; nobody can publish or watch until this is fixed", e)
+                is_missing = settings.robots is not None and not settings.robots.exists()
+                hint = f": make it with `posecast-relay robots add --robots {settings.robots} ID`"
+                log.error(
+                    "%s; nobody can publish or watch until this is fixed%s", e, hint if is_missing else ""
+                )
             reported = str(e)
         else:
             if reported:
