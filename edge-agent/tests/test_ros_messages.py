@@ -151,6 +151,7 @@ def test_a_battery_and_none() -> None:
     assert gone.values == {"volt": {"left": None}, "amp": {"left": None}, "charge": {"left": None}}
     assert gone.info == {"battery left": "not present"}
     assert read_message(BATTERY, message | {"percentage": None}).values["charge"] == {"main": None}
+    assert read_message(BATTERY, message | {"percentage": 80}).values["charge"] == {"main": 80}
 
 
 def test_an_odometry() -> None:

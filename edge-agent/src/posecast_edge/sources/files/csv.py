@@ -1,11 +1,16 @@
 """Source `csv:PATH`: a table of a robot's readings, one row per instant; playback.py plays it.
 
 The first row names the columns; one of them is the robot's clock. A profile's [csv] renames columns; "-"
-leaves one out. Separators are commas, semicolons or tabs, the last two also with decimal commas. The text is
-UTF-8, or UTF-16 with a byte order mark. An empty or missing cell is no reading, as are `nan`, `NA`, `null`
-and the like. Flags are masks, or names separated by spaces or, as Posecast writes them, by `|`. A column of
-texts or of an unknown unit is left out. What is invalid is named once: a cell counts as no reading, a row is
-skipped. If the clock stands still, rows are played at ROWS_HZ."""
+leaves one out. A second row may hold their units. Lines that begin with `#` are comments, unless one is the
+first row. Separators are commas, semicolons, tabs or, without any of these, spaces; all but commas also with
+decimal commas. The text is UTF-8, Windows-1252 where it is no UTF-8, or UTF-16 with a byte order mark.
+
+Where rows hold the readings of one topic each, the other cells are empty: an empty cell repeats its column's
+reading for STREAM_S, as long as a live topic's counts. In tables that Posecast wrote, it is no reading.
+`nan`, `NA`, `null` and the like are none anywhere, nor is a missing cell. Flags are masks, or names separated
+by spaces or, as Posecast writes them, by `|`. A column of texts is left out, and one of a unit that is
+unknown or none of its field's. What is invalid is named once: a cell counts as no reading, a row is skipped.
+If the clock stands still, rows are played at ROWS_HZ."""
 
 from __future__ import annotations
 
@@ -17,19 +22,21 @@ import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, TextIO
 
 from posecast_wire.command_line.installation import name_edge_command
 
 from posecast_edge.kit import PartLog, kind_of, make_visible, many
-from posecast_edge.profile.defaults import UNITS, WELL_KNOWN
+from posecast_edge.profile.defaults import SLIDING, UNITS, WELL_KNOWN
 from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
 from posecast_edge.sources.files.playback import EndlessLine, Playback, Player, parse_playback, skip_line
-from posecast_edge.sources.ros.messages import make_site_name
+from posecast_edge.sources.merge import STREAM_S
+from posecast_edge.sources.ros.messages import SHARE_MOST, make_site_name
 from posecast_edge.sources.ros.topics import COMMAND
 
 if TYPE_CHECKING:
@@ -40,6 +47,9 @@ log = logging.getLogger("posecast_edge.csv")
 MAX_LINE = 256 * 1024  # characters
 MAX_TEXT = 200  # of an info
 SEPARATORS = ",;\t"
+COMMENT = "#"
+CODE_PAGE = "cp1252"  # of a text that is no UTF-8
+SNIFFED = 1 << 16  # bytes, to see whether it is
 ROWS_HZ = 20.0  # of a table whose clock stands still
 EXPORTED = ["time", "seconds", "robot_time"]  # the first columns of a table that Posecast wrote
 NAME_OF_BIT = re.compile(r"(?:[^\\|]|\\.)+")  # in such a table
@@ -70,6 +80,9 @@ ABSENT = frozenset(
 )
 NAME_SHOWN = 80  # characters
 COLUMNS_SHOWN = 100
+
+
+Line = tuple[int, str]  # its number, from 1, and its text
 
 
 class CellError(ValueError):
@@ -112,6 +125,7 @@ class Table:
         self._path = path
         self._bits = {f.name for f in profile.fields if f.bits} if profile else {FLAGS}
         self._known = {(f.name, label) for f in profile.fields for label in f.labels} if profile else set()
+        self._units = {f.name: f.unit for f in profile.fields} if profile else {}
         self._renamed = profile.csv if profile else {}
         self._bad = PartLog(log.warning, "bad rows and cells")
         self._left_out: dict[int, str] = {}  # why, by column
@@ -121,29 +135,30 @@ class Table:
         """Read the first rows. Raises SourceError when they are not a table."""
         with self._open() as file:
             lines = self._lines(file)
-            head = next(lines, None)
-            self._above = 1  # lines before the first row
-            self._separator = ""
-            if head is not None and head[1].rstrip()[:-1] == "sep=":  # written by Excel
-                self._separator = head[1].rstrip()[-1]
-                self._above, head = 2, next(lines, None)
-            if head is None:
-                raise SourceError(f"{self._path}: empty")
-            self._separator = self._separator or max(SEPARATORS, key=head[1].count)
+            head, first = self._find_head(lines)
+            self._head = head[0]  # the number of the last line before the first row
             self._where = f"{self._path}:{head[0]}"
             try:
                 self._written = self._cells(head[1])
+                units = self._read_units(first)
             except CellError as e:
                 raise SourceError(f"{self._where}: {e}") from None
+            if units and first is not None:
+                pairs = zip(self._written, units, strict=True)
+                self._written = [f"{name} [{unit}]" if unit else name for name, unit in pairs]
+                self._head, first = first[0], None
+            _refuse_plot(self._written, self._where)
             self._names = [self._renamed.get(name, name) for name in self._written]
             self._exported = self._written[: len(EXPORTED)] == EXPORTED
-            rows = self._first_rows(lines)
+            rows = self._first_rows(itertools.chain([first] if first else [], lines))
         missing = [name for name in self._renamed if name not in self._written]
         if missing:
             shown = make_visible(missing[0], NAME_SHOWN)
             log.warning("%s: no column %s, which the profile's [csv] names", self._where, shown)
         self._clock = self._find_clock(rows)
         self._columns = self._find_columns(rows)
+        meanings = [column.meaning for column in self._columns]
+        self._sliding = frozenset(each.label for each in meanings if each.is_sliding)
         self._still = self._stands_still(rows)
         if self._still:
             log.warning(
@@ -158,9 +173,43 @@ class Table:
             probe = name_edge_command("probe")
             log.info("%s: columns left out: %s%s; `%s` tells why", self._where, named, more, probe)
 
+    def _find_head(self, lines: Iterator[tuple[int, str]]) -> tuple[Line, Line | None]:
+        """The line with the columns' names, and the next one. Raises SourceError for an empty file."""
+        above: Line | None = None  # a comment, which may be the head: numpy writes `# t a b`
+        head = next(lines, None)
+        self._separator = ""
+        if head is not None and head[1].rstrip()[:-1] == "sep=":  # written by Excel
+            self._separator = head[1].rstrip()[-1]
+            head = next(lines, None)
+        while head is not None and head[1].startswith(COMMENT):
+            above, head = head, next(lines, None)
+        if head is None:
+            raise SourceError(f"{self._path}: empty")
+        first: Line | None = None
+        if above is not None and NUMBER.match(head[1].lstrip(" \"'")):
+            head, first = (above[0], above[1].lstrip(COMMENT + " ")), head
+        self._separator = self._separator or max(SEPARATORS, key=head[1].count)
+        if self._separator not in head[1] and " " in head[1].strip():
+            self._separator = " "
+        return head, first or next(lines, None)
+
+    def _read_units(self, line: Line | None) -> list[str]:
+        """The units of the columns if this line, the one below their names, holds nothing else."""
+        if line is None:
+            return []
+        cells = self._fit_to(self._cells(line[1]), len(self._written))
+        units = []
+        for cell in cells:
+            unit = cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
+            # a unit in brackets may be one that nobody knows; a bare word must be known
+            if cell not in ("", "-") and unit == cell and find_unit(unit) is None and unit not in SECONDS:
+                return []
+            units.append("" if unit == "-" else unit)
+        return units if any(units) else []
+
     def _first_rows(self, lines: Iterator[tuple[int, str]]) -> list[list[str]]:
         rows, chars = [], 0
-        for _, line in itertools.islice(lines, LOOK_ROWS):
+        for _, line in itertools.islice((each for each in lines if each[1][0] != COMMENT), LOOK_ROWS):
             chars += len(line)
             if chars > LOOK_CHARS:
                 break
@@ -170,7 +219,10 @@ class Table:
 
     def _fit(self, cells: list[str]) -> list[str]:
         """As many cells as there are columns: missing ones are empty."""
-        count = len(self._names)
+        return self._fit_to(cells, len(self._names))
+
+    @staticmethod
+    def _fit_to(cells: list[str], count: int) -> list[str]:
         return [*cells[:count], *[""] * (count - len(cells))]
 
     def _stands_still(self, rows: Sequence[Sequence[str]]) -> bool:
@@ -179,7 +231,7 @@ class Table:
         if len(rows) < 2 or len(times) > 1:
             return False
         with self._open() as file:
-            for _, line in itertools.islice(self._lines(file), self._above, None):
+            for _, line in self._rows(file):
                 with suppress(CellError):
                     times.add(self._fit(self._cells(line))[self._clock.index])
                 if len(times) > 1:
@@ -191,7 +243,9 @@ class Table:
         read = {column.index: column.meaning for column in self._columns}
         lines = []
         for i, name in enumerate(self._written[:COLUMNS_SHOWN]):
-            if i == self._clock.index:
+            if i == self._clock.nanos:
+                use = "→ the clock, its nanoseconds"
+            elif i == self._clock.index:
                 unit = "ISO 8601" if self._clock.unit == "iso" else self._clock.unit
                 why = f", because {self._clock.guessed}" if self._clock.guessed else ""
                 use = f"→ the clock, {unit}{why}"
@@ -214,11 +268,10 @@ class Table:
         """Read the file once; see Recording."""
         began_s: float | None = None
         begun = start_s == 0
+        self._held: dict[int, tuple[float, Reading]] = {}  # time and reading, by column
+        self._texts: dict[str, str] = {}
         with self._open() as file:
-            lines = self._lines(file)
-            for _ in range(self._above):
-                next(lines, None)
-            for row, (number, line) in enumerate(lines):
+            for row, (number, line) in enumerate(self._rows(file)):
                 where = f"{self._path}:{number}"
                 try:
                     sample, bad = self._sample(line, where)
@@ -242,12 +295,21 @@ class Table:
     def _open(self) -> TextIO:
         try:
             with open(self._path, "rb") as file:
-                # spreadsheets and PowerShell write UTF-16, always with a byte order mark
-                utf16 = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-            encoding = "utf-16" if utf16 else "utf-8-sig"
+                start = file.read(SNIFFED)
+            # spreadsheets and PowerShell write UTF-16, always with a byte order mark
+            encoding = "utf-16" if start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
+            if encoding != "utf-16":
+                try:
+                    codecs.getincrementaldecoder("utf-8")().decode(start)
+                except UnicodeDecodeError:
+                    encoding = CODE_PAGE
             return open(self._path, encoding=encoding, errors="replace", newline="")
         except OSError as e:
             raise SourceError(f"{self._path}: {e.strerror or e}") from None
+
+    def _rows(self, file: TextIO) -> Iterator[tuple[int, str]]:
+        """The lines below the head, without comments."""
+        return (line for line in self._lines(file) if line[0] > self._head and line[1][0] != COMMENT)
 
     def _lines(self, file: TextIO) -> Iterator[tuple[int, str]]:
         """Non-blank lines, with their number."""
@@ -268,7 +330,8 @@ class Table:
         if len(line) > MAX_LINE:
             raise CellError(f"over {MAX_LINE} characters")
         try:
-            (cells,) = csv.reader([line.rstrip("\r\n")], delimiter=self._separator, skipinitialspace=True)
+            text = line.strip() if self._separator == " " else line.rstrip("\r\n")
+            (cells,) = csv.reader([text], delimiter=self._separator, skipinitialspace=True)
         except csv.Error as e:
             raise CellError(str(e)) from None
         return [cell.strip() for cell in cells]
@@ -295,9 +358,9 @@ class Table:
         columns: list[Column] = []
         taken: set[tuple[str, str]] = set()
         for i, name in enumerate(self._names):
-            if i == self._clock.index:
+            if i in (self._clock.index, self._clock.nanos):
                 continue
-            meaning = interpret_column(name, joints, self._known)
+            meaning = self._interpret(i, joints, rows)
             if name == SKIP:
                 meaning = "the profile says so"
             elif self._exported and i < len(EXPORTED):
@@ -321,6 +384,16 @@ class Table:
             why = f"; {make_visible(first[0], NAME_SHOWN)}: {first[1]}" if first else ""
             raise SourceError(f"{self._where}: no column can be read except the clock{why}")
         return columns
+
+    def _interpret(
+        self, i: int, joints: Mapping[tuple[str, int], str], rows: Sequence[Sequence[str]]
+    ) -> ColumnMeaning | str:
+        meaning = interpret_column(self._names[i], joints, self._known, self._units)
+        if isinstance(meaning, str) or meaning.field != "charge" or meaning.unit:
+            return meaning
+        # some drivers write percent where ROS says 0 to 1
+        is_percent = any(_is_over(row[i], SHARE_MOST) for row in rows)
+        return replace(meaning, gain=1.0) if is_percent else meaning
 
     def _find_text(self, rows: Sequence[Sequence[str]], i: int) -> str:
         """A text from a column that holds only texts; "" if it has a number or no cells."""
@@ -346,6 +419,8 @@ class Table:
             bad["long"] = f"{many(len(given), 'cell')}, {len(cells)} expected; the last are ignored"
         at, clock = self._clock.index, self._clock
         t_s = clock.convert_cell(cells[at], None if clock.unit == "iso" else self._number(cells, at))
+        if t_s is not None and clock.nanos is not None:
+            t_s += (self._number(cells, clock.nanos) or 0.0) * 1e-9
         if t_s is None or abs(t_s) > TIME_MAX_S:
             raise CellError(f"{self._column(at)}: no time")
         values: dict[str, dict[str, Reading]] = {}
@@ -353,10 +428,16 @@ class Table:
         unread = 0
         for column in self._columns:
             meaning = column.meaning
+            cell = cells[column.index]
             if meaning.field == INFO:
-                info[meaning.label] = cells[column.index][:MAX_TEXT]
+                text = cell if cell or self._exported else self._texts.get(meaning.label, "")
+                self._texts[meaning.label] = info[meaning.label] = text[:MAX_TEXT]
                 continue
             value: Reading = None
+            held_s, held = self._held.get(column.index, (math.inf, None))
+            if not cell and column.index < len(given) and 0 <= t_s - held_s <= STREAM_S:
+                values.setdefault(meaning.field, {})[meaning.label] = held
+                continue
             try:
                 if column.bits:
                     value = self._read_bits(cells, column.index)
@@ -365,10 +446,12 @@ class Table:
             except CellError as e:
                 bad[str(column.index)] = f"{e}; no reading"
                 unread += 1
+            if cell and not self._exported:
+                self._held[column.index] = (t_s, value)
             values.setdefault(meaning.field, {})[meaning.label] = value
         if unread == len(self._columns) - len(info):
             return None, bad
-        return Sample(t_s, values, info, where), bad
+        return Sample(t_s, values, info, where, sliding=self._sliding), bad
 
     def _number(self, cells: Sequence[str], i: int, gain: float = 1.0) -> float | None:
         """A finite number times `gain`; None for an empty cell and the like, nan and inf. CellError for
@@ -407,11 +490,76 @@ class Table:
 
 # --- what a column means
 
-TO_OURS = {"deg": math.pi / 180, "deg/s": math.pi / 180, "mm": 1e-3, "mA": 1e-3, "mV": 1e-3}
+DEGREE = math.pi / 180
+STANDARD_G = 9.80665  # m/s²
+# spelling in lower case → unit, and how many of it one is
+WORDS_OF_UNITS: Mapping[str, tuple[str, float]] = {
+    **dict.fromkeys(("deg", "degs", "degree", "degrees", "°", "º"), ("rad", DEGREE)),
+    **dict.fromkeys(("radian", "radians", "rads"), ("rad", 1.0)),
+    "mrad": ("rad", 1e-3),
+    **dict.fromkeys(
+        ("deg/s", "°/s", "degrees/s", "deg/sec", "dps", "deg/second", "degrees/second"), ("rad/s", DEGREE)
+    ),
+    **dict.fromkeys(("rad/sec", "rad/second", "radians/s", "rads/s"), ("rad/s", 1.0)),
+    **dict.fromkeys(("rpm", "rev/min", "r/min", "1/min"), ("rad/s", math.tau / 60)),
+    **dict.fromkeys(("rev/s", "rps"), ("rad/s", math.tau)),
+    **dict.fromkeys(("meter", "meters", "metre", "metres"), ("m", 1.0)),
+    "cm": ("m", 1e-2),
+    "m/sec": ("m/s", 1.0),
+    "cm/s": ("m/s", 1e-2),
+    "mm/s": ("m/s", 1e-3),
+    "g": ("m/s²", STANDARD_G),
+    **dict.fromkeys(("n-m", "n.m", "newton meter"), ("N·m", 1.0)),
+    **dict.fromkeys(("volt", "volts"), ("V", 1.0)),
+    **dict.fromkeys(("amp", "amps", "ampere"), ("A", 1.0)),
+    **dict.fromkeys(("celsius", "deg c", "deg.c"), ("°C", 1.0)),
+    **dict.fromkeys(("percent", "pct"), ("%", 1.0)),
+}
+# the same, where capitals matter: mN is no MN
+SYMBOLS_OF_UNITS: Mapping[str, tuple[str, float]] = {
+    **{spelling: (unit, 1.0) for spelling, unit in UNITS.items() if unit},
+    "mm": ("m", 1e-3),
+    "mA": ("A", 1e-3),
+    "mV": ("V", 1e-3),
+    "mW": ("W", 1e-3),
+    "mN": ("N", 1e-3),
+    "kN": ("N", 1e3),
+    **dict.fromkeys(("mNm", "mN·m", "mN*m", "Nmm", "N·mm", "N*mm"), ("N·m", 1e-3)),
+    **dict.fromkeys(("cNm", "Ncm", "N·cm"), ("N·m", 1e-2)),
+}
+OFFERED = (
+    "rad",
+    "deg",
+    "m",
+    "cm",
+    "mm",
+    "rad/s",
+    "deg/s",
+    "rpm",
+    "m/s",
+    "N·m",
+    "N",
+    "A",
+    "mA",
+    "V",
+    "mV",
+    "W",
+    "°C",
+    "%",
+)
 INFO = "info"
 UNKNOWN_UNIT = "unknown unit"
 JOINTS = "pos"
 MEMBERS = {"position": "pos", "velocity": "vel", "effort": "effort"}
+# the last part of `JOINT.pos`, as LeRobot, Unitree and others name what a motor reports
+MOTOR_PARTS = {
+    **dict.fromkeys(("pos", "q"), "pos"),
+    **dict.fromkeys(("vel", "dq"), "vel"),
+    **dict.fromkeys(("eff", "tau", "torque"), "effort"),
+    **dict.fromkeys(("cur", "current"), "cur"),
+    **dict.fromkeys(("temp", "temperature"), "temp"),
+}
+MOTOR_PART = re.compile(rf"(?:(observation|action)\.)?(?:state\.)?(.+)\.({'|'.join(MOTOR_PARTS)})")
 ARRAY = re.compile(r"(name|position|velocity|effort)(?:\[(\d{1,4})\]|[._]?(\d{1,4}))")
 ENDING = re.compile(r"(.+)[._](position|velocity|effort)")
 COUNTER = re.compile(r"index|unnamed: \d+|(?:.*[/.])?header[/.]seq", re.IGNORECASE)
@@ -426,28 +574,70 @@ VECTORS: Mapping[tuple[str, ...], tuple[str, str]] = {
     ("wrench", "force"): ("ftf", "f"),
     ("wrench", "torque"): ("ftm", "m"),
 }
-BATTERY = {"voltage": ("volt", 1.0), "current": ("amp", 1.0), "percentage": ("charge", 100.0)}
+PERCENT = 100.0
+BATTERY = {"voltage": ("volt", 1.0), "current": ("amp", 1.0), "percentage": ("charge", PERCENT)}
 KIND_OF = {"quat": "imu", "gyro": "imu", "acc": "imu", "ftf": "wrench", "ftm": "wrench"}
 
 
 @dataclass(frozen=True)
 class ColumnMeaning:
     """The field and label that a column belongs to. `gain`: factor from the column's unit to the field's;
-    `unit`: as written in the name."""
+    `unit`: as written in the name; `is_sliding`: it is one that only a sliding joint's reading has."""
 
     field: str
     label: str
     gain: float = 1.0
     unit: str = ""
+    is_sliding: bool = False
+
+
+def find_unit(text: str) -> tuple[str, float] | None:
+    """The unit that a text names, in the profile's spelling, and how many of it one is; None if unknown."""
+    return SYMBOLS_OF_UNITS.get(text) or WORDS_OF_UNITS.get(text.lower())
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
-    """Split `name [unit]` into name and unit; None without a unit. The index in `name[3]` is not a unit."""
-    at = name.find("[", name.rfind("]", 0, len(name) - 1) + 1)
-    unit = name[at + 1 : -1].strip()
-    if at < 0 or not name.endswith("]") or unit.isdigit():
-        return name, None
-    return name[:at].rstrip(), unit
+    """Split `name [unit]`, `name (unit)` or `name_deg` into name and unit; None without a unit. What stands
+    in parentheses must be a known unit; the index in `name[3]` is none."""
+    for opening, closing in ("[]", "()"):
+        at = name.rfind(opening)
+        unit = name[at + 1 : -1].strip()
+        if at > 0 and name.endswith(closing) and (find_unit(unit) or (opening == "[" and not unit.isdigit())):
+            return name[:at].rstrip(), unit
+    behind = re.fullmatch(r"(.+)_(deg|degrees|rad|radians|rpm)", name, re.IGNORECASE)
+    return (behind[1], behind[2]) if behind else (name, None)
+
+
+def _find_gain(unit: str, field: str, own: str | None) -> tuple[float, bool] | None:
+    """What turns readings of this unit into the field's, and whether only a sliding joint has it; None when
+    it can't be the field's. `own`: the field's unit in a profile."""
+    found = find_unit(unit)
+    if found is None:
+        return None
+    usual = WELL_KNOWN.get(field)
+    if own is None and usual is None:
+        return found[1], False
+    target = find_unit(own) if own else None
+    if own is not None and target is None:
+        return (1.0, False) if own == unit else None
+    base, per = target or (usual.unit if usual else "", 1.0)
+    if found[0] == base:
+        return found[1] / per, False
+    sliding = SLIDING.get(field)
+    return (found[1], True) if own is None and sliding is not None and found[0] == sliding.unit else None
+
+
+def _refuse_plot(names: Sequence[str], where: str) -> None:
+    """Raises SourceError for what a plot exports: a row for each value, not one for each instant."""
+    if "value" in names and {"topic", "series", "label", "path"} & set(names):
+        raise SourceError(
+            f"{where}: a plot's values, one in each row, not a table with a column for each joint: save the "
+            "recording as MCAP"
+        )
+
+
+def _is_over(cell: str, most: float) -> bool:
+    return NUMBER.fullmatch(cell) is not None and float(cell.replace(",", ".")) > most
 
 
 def match_joint_name(name: str) -> tuple[str, int] | None:
@@ -458,41 +648,49 @@ def match_joint_name(name: str) -> tuple[str, int] | None:
 
 
 def interpret_column(
-    name: str, joints: Mapping[tuple[str, int], str], known: Collection[tuple[str, str]]
+    name: str,
+    joints: Mapping[tuple[str, int], str],
+    known: Collection[tuple[str, str]],
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> ColumnMeaning | str:
     """The meaning of the column with this name, as common programs write it; or the reason why it is left
     out.
 
         LABEL, FIELD.LABEL, info.NAME           our own names
         LABEL.velocity, LABEL_velocity          a joint and its quantity; also position, effort
+        LABEL.pos, observation.state.LABEL.pos  LeRobot and others; see MOTOR_PARTS; action.LABEL.pos is a ref
         /joint_states/LABEL/velocity            PlotJuggler
         /joint_states/velocity[3]               PlotJuggler, rqt; the joint's name from /joint_states/name[3]
         field.velocity3                         `rostopic echo -p`; the name from field.name3
         velocity_3, wrench.force.x              bagpy
         /imu/orientation/w, field.wrench.force.x, /odom/pose/pose/position/x, …   other messages
 
-    A unit in brackets may follow. A channel of the profile with exactly this name has priority.
+    A unit may follow, in brackets, in parentheses, or as `_deg`. A channel of the profile with exactly this
+    name has priority.
 
-    `joints`: names by message and index; `known`: the (field, label) pairs of a profile.
+    `joints`: names by message and index; `known`: a profile's pairs of field and label; `units`: its fields'.
     """
     if not name:
         return "it has no name"
     bare, unit = split_unit(name)
-    if unit is not None and unit not in TO_OURS and unit not in UNITS:
-        return f"{UNKNOWN_UNIT} {unit[:40]!r}; known: {', '.join(u for u in (*UNITS, *TO_OURS) if u)}"
-    if COUNTER.fullmatch(bare):
-        return "it counts rows"
-    if HEADER.fullmatch(bare):
-        return "it belongs to the message's header"
+    if (JOINTS, name) in known or tuple(name.split(".", 1)) in known:
+        bare, unit = name, None
+    if COUNTER.fullmatch(bare) or HEADER.fullmatch(bare):
+        return "it counts rows" if COUNTER.fullmatch(bare) else "it belongs to the message's header"
     field, _, label = bare.partition(".")
     if not label:
         field, label = JOINTS, bare
-    gain, unit = TO_OURS.get(unit or "", 1.0), unit or ""
     found = None if (field, label) in known or (JOINTS, bare) in known else _nested(bare, joints)
     if isinstance(found, str):
         return found
     field, label, of_message = found or (field, label, 1.0)
-    return ColumnMeaning(field, label, gain * of_message, unit)
+    if not unit:
+        return ColumnMeaning(field, label, of_message)
+    gain = _find_gain(unit, field, units.get(field))
+    if gain is None:
+        of = f" for {field}" if find_unit(unit) else ""
+        return f"{UNKNOWN_UNIT} {unit[:40]!r}{of}; known: {', '.join(OFFERED)}"
+    return ColumnMeaning(field, label, gain[0], unit, gain[1])
 
 
 def _nested(bare: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str, float] | str | None:
@@ -511,9 +709,16 @@ def _nested(bare: str, joints: Mapping[tuple[str, int], str]) -> tuple[str, str,
     of_message = _member(message, is_path)
     if of_message is not None or bare.startswith(("/", "field.")):
         return of_message or "this kind of column is not supported"
-    ending = ENDING.fullmatch(bare)
-    if ending and not is_path and ending[1] not in WELL_KNOWN:
+    return None if is_path else _ended(bare)
+
+
+def _ended(bare: str) -> tuple[str, str, float] | None:
+    """Field, label, gain of a joint's quantity, such as `knee_position` or `knee.q`."""
+    if (ending := ENDING.fullmatch(bare)) and ending[1] not in WELL_KNOWN:
         return MEMBERS[ending[2]], ending[1], 1.0
+    if (motor := MOTOR_PART.fullmatch(bare)) and motor[2] not in WELL_KNOWN:
+        field = MOTOR_PARTS[motor[3]]
+        return "ref" if motor[1] == "action" and field == "pos" else field, motor[2], 1.0
     return None
 
 
@@ -549,11 +754,25 @@ def _field(member: str, topic: Sequence[str]) -> str:
 
 # --- the clock
 
-CLOCK = re.compile(r"(?:__|%)?(?:t|time|timestamp|stamp|datetime)(?:_(s|ms|us|ns))?", re.IGNORECASE)
+UNITS_OF_TIME = "s|ms|us|ns|sec|secs|seconds|msec|millis|milliseconds|usec|micros|nsec|nanos|nanoseconds"
+CLOCK = re.compile(rf"(?:__|%)?(?:t|time|timestamp|stamp|datetime)(?:_({UNITS_OF_TIME}))?", re.IGNORECASE)
+OTHER_CLOCK = re.compile(
+    r"(?:(?:(?:sim|robot|wall|ros|elapsed|relative|rel|system|unix|epoch|log|receive)[ _]?)"
+    rf"(?:t|time|timestamp|stamp)|elapsed|uptime)(?:_({UNITS_OF_TIME}))?",
+    re.IGNORECASE,
+)
+# the seconds' column; the other has the same name before its unit
+SECONDS_OF_TWO = re.compile(r"(.*?)(?:secs?|seconds)", re.IGNORECASE)
+NANOS_OF_TWO = ("nanosec", "nsec", "nsecs", "nanosecs", "nanoseconds", "nanos")
 STAMP = re.compile(r"(?:.*[/.])?header[/.]stamp")
 UNNAMED = re.compile(r"|index|date|unnamed: 0", re.IGNORECASE)  # where pandas writes a time
-UNIT = re.compile(r"(.*\S)\s*[\[(](s|ms|us|µs|ns)[\])]")
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+UNIT = re.compile(rf"(.*\S)\s*[\[(]({UNITS_OF_TIME}|µs)[\])]")
+SECONDS = {
+    **dict.fromkeys(("s", "sec", "secs", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 1e-3),
+    **dict.fromkeys(("us", "µs", "usec", "micros"), 1e-6),
+    **dict.fromkeys(("ns", "nsec", "nanos", "nanoseconds"), 1e-9),
+}
 ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?\s?(?:(Z)|([+-])(\d\d):?(\d\d))?"
 )
@@ -567,11 +786,12 @@ STEPS = (("ns", 5e6), ("us", 5e3), ("ms", 5.0))  # from one row to the next, in 
 @dataclass(frozen=True)
 class TableClock:
     """The column (counted from 0) and its unit, `iso` for ISO 8601. `guessed`: the reason for a guessed unit,
-    "" for one that the name states."""
+    "" for one that the name states; `nanos`: the column of its nanoseconds, None if there is none."""
 
     index: int
     unit: str
     guessed: str = ""
+    nanos: int | None = None
 
     def convert_cell(self, cell: str, number: float | None) -> float | None:
         """The time in a cell, in seconds; None when it has none. `number`: the cell as a number."""
@@ -585,9 +805,21 @@ def find_clock(names: Sequence[str], rows: Sequence[Sequence[str]]) -> TableCloc
 
     The unit comes from the name (`t_ms`, `time [us]`), from the program that wrote it (`%time` of `rostopic
     echo -p` is nanoseconds), or from the values: ISO 8601, or numbers as large as the time since 1970.
-    Otherwise it is seconds, unless the rows would then be too far apart.
+    Otherwise it is seconds, unless the rows would then be too far apart. ROS writes seconds and nanoseconds
+    as two columns.
     """
-    for pattern, only_iso in ((CLOCK, False), (STAMP, False), (UNNAMED, True)):
+    for pattern, only_iso in (
+        (CLOCK, False),
+        (STAMP, False),
+        (None, False),
+        (OTHER_CLOCK, False),
+        (UNNAMED, True),
+    ):
+        if pattern is None:
+            of_two = _find_two_columns(names)
+            if of_two is not None:
+                return of_two
+            continue
         for i, name in enumerate(names):
             split = UNIT.fullmatch(name)
             found = pattern.fullmatch(split[1] if split else name)
@@ -597,10 +829,22 @@ def find_clock(names: Sequence[str], rows: Sequence[Sequence[str]]) -> TableCloc
                 continue
             if is_iso:
                 return TableClock(i, "iso")
-            unit = split[2] if split else found[1] if pattern is CLOCK else None
+            unit = split[2] if split else found[1] if pattern in (CLOCK, OTHER_CLOCK) else None
             if unit or name.startswith("%"):
                 return TableClock(i, unit.lower() if unit else "ns")
             return TableClock(i, *_guess_unit(cells))
+    return None
+
+
+def _find_two_columns(names: Sequence[str]) -> TableClock | None:
+    """The first pair of columns such as `stamp.sec` and `stamp.nanosec`."""
+    at = {name.lower(): i for i, name in enumerate(names)}
+    for i, name in enumerate(names):
+        found = SECONDS_OF_TWO.fullmatch(name.lower())
+        pair = [f"{found[1]}{nanos}" for nanos in NANOS_OF_TWO] if found else []
+        other = next((at[each] for each in pair if each in at), None)
+        if other is not None:
+            return TableClock(i, "s", nanos=other)
     return None
 
 

@@ -232,6 +232,9 @@ def _wrench(message: Any, site: str, field_name: str) -> Report:
     return _filled(message, "a Wrench without readings", values, left_out, links)
 
 
+SHARE_MOST = 1.5  # of a charge from 0 to 1: more is percent
+
+
 def _battery(message: Any, site: str, field_name: str) -> Report:
     del field_name
     site = site or "main"
@@ -244,8 +247,10 @@ def _battery(message: Any, site: str, field_name: str) -> Report:
         ("charge", "percentage", 100),
     ):
         with _leaving_out(member, left_out):
-            number = _number(_member(message, member), member)  # percentage: 0 to 1, despite its name
-            values[name] = {site: number * factor if present and number is not None else None}
+            number = _number(_member(message, member), member)
+            # the definition says 0 to 1; some drivers write percent
+            gain = 1 if member == "percentage" and number is not None and number > SHARE_MOST else factor
+            values[name] = {site: number * gain if present and number is not None else None}
     status = _optional(message, "power_supply_status")
     known = isinstance(status, int) and 0 <= status < len(BATTERY_STATES)
     word = (BATTERY_STATES[status] if known else "unknown") if present else "not present"
