@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from relay.benches.build import ROOT
 from relay.benches.feed import LAG_SAMPLE
 from relay.benches.scenarios import RELAYS, Scenario
 from relay.benches.servers import ROBOT, CannotStart, Place, Server, end, serving, wait_line
@@ -113,14 +111,14 @@ def play(asked: list[str], server: Server) -> tuple[Row, list[tuple[float, int]]
 
 
 @contextmanager
-def looking_back(scenario: Scenario, server: Server, seen: Row) -> Iterator[None]:
+def looking_back(scenario: Scenario, server: Server, place: Place, seen: Row) -> Iterator[None]:
     """Meanwhile the scenario's lookers look back; what they saw comes into `seen`."""
     if not scenario.lookers:
         yield
         return
-    asked = ["--port", str(server.port), "--robot", ROBOT, "--lookers", str(scenario.lookers)]
-    command = [sys.executable, "-m", "relay.benches.lookers", *asked]
-    child = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    command = [str(place.binaries["viewers"]), "--mode", "past", "--port", str(server.port)]
+    command += ["--robot", ROBOT, "--viewers", str(scenario.lookers), "--join", "5"]
+    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     try:
         wait_line(child, "READY\n")
         yield
@@ -136,7 +134,7 @@ def measure(kind: str, scenario: Scenario, place: Place, seconds: float) -> Row:
     with serving(kind, scenario, place) as server:
         asked = command(scenario, server, place, seconds, kind in RELAYS)
         looked: Row = {}
-        with looking_back(scenario, server, looked):
+        with looking_back(scenario, server, place, looked):
             row, held = play(asked, server)
         if looked:
             row["looked_back"] = looked

@@ -1,7 +1,7 @@
 """The lane under load: segments through nginx and Varnish to 100, 1,000 and 5,000 viewers each (`make lane`).
 
 One sitting: both nodes stand before one origin and are read at the same time. The relay has one core; the
-robot, the nodes and the viewers (relay/benches/lane_viewers.c) share another. In each round: the origin
+robot, the nodes and the viewers (relay/benches/viewers.c) share another. In each round: the origin
 alone, then each crowd; afterwards each crowd through a pause of the robot and a new run. Says on stderr what
 it is at. Exit status 0: all goals were reached; 1: one was missed, as happens on a busy machine; 2: it could
 not run. Writes out/lane/lane.json; `--write` also the tables and plots of docs/reference/benchmarks.md, and

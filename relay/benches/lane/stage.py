@@ -21,7 +21,7 @@ ROBOT = "bench"
 JOIN_S = 4.0
 ANSWER_S = 30.0
 
-Row = dict[str, Any]  # what `lane_viewers` prints
+Row = dict[str, Any]  # what `viewers --mode lane` prints
 
 
 def read_cpu_s(pid: int) -> float:
@@ -119,8 +119,8 @@ class Crowd:
     """So many viewers that read through one node."""
 
     def __init__(self, place: Place, node: CacheNode, viewers: int) -> None:
-        command = [str(place.binaries["lane_viewers"]), "--port", str(node.port), "--robot", ROBOT]
-        command += ["--viewers", str(viewers), "--join", str(JOIN_S)]
+        command = [str(place.binaries["viewers"]), "--mode", "lane", "--port", str(node.port)]
+        command += ["--robot", ROBOT, "--viewers", str(viewers), "--join", str(JOIN_S)]
         pipe = subprocess.PIPE
         self.node = node
         self._child = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
