@@ -11,9 +11,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from posecast_testing import Process
+
 from relay.benches.feed import LAG_SAMPLE
 from relay.benches.scenarios import RELAYS, Scenario
-from relay.benches.servers import ROBOT, CannotStart, Place, Server, end, serving, wait_line
+from relay.benches.servers import ROBOT, CannotStart, Place, Server, hear, serving
 from relay.benches.stamps import make_stamps
 
 Row = dict[str, Any]  # what `viewers` prints, and what is derived from it here
@@ -106,7 +108,7 @@ def play(asked: list[str], server: Server) -> tuple[Row, list[tuple[float, int]]
         raise CannotStart(f"its viewers said nothing (exit {child.returncode})")
     row: Row = json.loads(said)
     if not row["messages"]:
-        raise CannotStart("its viewers got no frame, see server.log")
+        raise CannotStart("its viewers got no frame, see its log in out/bench")
     return row, held
 
 
@@ -118,14 +120,14 @@ def looking_back(scenario: Scenario, server: Server, place: Place, seen: Row) ->
         return
     command = [str(place.binaries["viewers"]), "--mode", "past", "--port", str(server.port)]
     command += ["--robot", ROBOT, "--viewers", str(scenario.lookers), "--join", "5"]
-    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    child = Process(place.out, "lookers", *command, stdin=subprocess.PIPE)
     try:
-        wait_line(child, "READY\n")
+        hear(child, "^READY$")
         yield
-        said, _ = child.communicate(timeout=RUN_LIMIT_S)
-        seen |= json.loads(said)
+        child.process.communicate(timeout=RUN_LIMIT_S)
+        seen |= json.loads(child.out.splitlines()[-1])
     finally:
-        end(child)
+        child.kill()
 
 
 def measure(kind: str, scenario: Scenario, place: Place, seconds: float) -> Row:

@@ -29,6 +29,7 @@ from relay.benches.lane.page import PAGE, fill
 from relay.benches.lane.run import MEASURED
 from relay.benches.lane.simulation import HOLD_S, KEY_INTERVAL_S, OriginTally, make_timeline, simulate
 from relay.benches.lane.table import find_goals, make_goals, make_steady, requests_a_segment
+from relay.benches.servers import Place
 
 ROOT = Path(__file__).resolve().parents[2]
 TAKE, NEXT_TAKE = 0xABC, 0xDEF
@@ -266,9 +267,8 @@ def test_nobody_begins_where_the_past_ended_long_ago(tmp_path: Path) -> None:
     script = {"?view=public": [(200, newest(1)), (200, newest(7))]}
     core = sorted(os.sched_getaffinity(0))[-1]
     with (
-        (tmp_path / "log").open("wb") as log,
         stand_in(script) as (port, asked),
-        start_nginx(f"127.0.0.1:{port}", core, log) as node,
+        start_nginx(f"127.0.0.1:{port}", Place(core, core, {}, tmp_path)) as node,
     ):
         address = f"http://127.0.0.1:{node.port}/api/v1/robots/bench/past?view=public"
 
