@@ -25,11 +25,12 @@ from posecast_wire.segment import FrameRecord, Segment, SegmentStart, encode_seg
 
 from relay.benches.lane.caches import start_nginx
 from relay.benches.lane.origin import CountedApp, OriginRequest, TimedCall, name_kind, read_requests
-from relay.benches.lane.page import PAGE, fill
 from relay.benches.lane.run import MEASURED
 from relay.benches.lane.simulation import HOLD_S, KEY_INTERVAL_S, OriginTally, make_timeline, simulate
 from relay.benches.lane.table import find_goals, make_goals, make_steady, requests_a_segment
 from relay.benches.servers import Place
+from tools.bars import PAGE
+from tools.pages import fill
 
 ROOT = Path(__file__).resolve().parents[2]
 TAKE, NEXT_TAKE = 0xABC, 0xDEF
@@ -414,9 +415,11 @@ def test_not_yet_counts_while_nothing_pauses_and_not_in_a_pause() -> None:
 
 def test_a_block_is_filled_and_a_missing_one_named() -> None:
     page = "a\n<!-- lane-x: written -->\nold\n<!-- /lane-x -->\nb\n"
-    assert fill(page, {"lane-x": "new"}) == "a\n<!-- lane-x: written -->\n\nnew\n\n<!-- /lane-x -->\nb\n"
+    assert (
+        fill(page, {"lane-x": "new"}, "x.md") == "a\n<!-- lane-x: written -->\n\nnew\n\n<!-- /lane-x -->\nb\n"
+    )
     with pytest.raises(ValueError, match="0 blocks called 'lane-y'"):
-        fill(page, {"lane-y": "new"})
+        fill(page, {"lane-y": "new"}, "x.md")
 
 
 def test_the_page_says_what_was_measured() -> None:
