@@ -1,6 +1,6 @@
 # Every target prepares what it needs; `make` alone lists the targets.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo dev test test-full check fix fuzz mutants bytes bench peers lane balance load attack faults soak gallery pictures explained prose site compose-test dist bare clean unit python typescript page e2e browsers
+.PHONY: help setup demo dev test test-full check fix fuzz mutants bytes bench peers lane balance load attack faults soak gallery pictures explained site compose-test dist bare clean unit python typescript page e2e browsers
 SHELL := /bin/bash
 export UV_PYTHON_DOWNLOADS := never
 # bytecode is kept, but not in the sources
@@ -94,8 +94,7 @@ check: setup ## lint, types, import directions, formats, wording of the docs, kn
 	@said=$$(XDG_DATA_HOME=$$(mktemp -d) $(BIN)/caddy validate --config infra/Caddyfile --adapter caddyfile 2>&1) || { echo "$$said"; exit 1; }
 	$(BIN)/kubernetes-validate --strict --quiet $(filter-out %/kustomization.yaml,$(wildcard infra/cloud/kubernetes/*.yaml))
 	npx --no-install biome check
-	@# the words of the documentation, but of pages whose turn has not come
-	npx --no-install textlint --ignore-path tools/prose/unfinished.txt README.md CONTRIBUTING.md 'docs/**/*.md'
+	npx --no-install textlint README.md CONTRIBUTING.md 'docs/**/*.md'
 	npx --no-install tsc -p wire/typescript
 	npx --no-install tsc -p spa
 	npx --no-install tsc -p spa/tsconfig.pure.json
@@ -103,9 +102,6 @@ check: setup ## lint, types, import directions, formats, wording of the docs, kn
 	@UV=$(UV) tools/audit
 	@# the documentation against files and parsers: no program is started
 	$(BIN)/pytest --quiet -m docs tests command/tests
-
-prose: .venv/.ready ## readability of each docs page: words, median and longest sentence, reading ease
-	$(BIN)/python -m tools.prose
 
 explained: .venv/.ready ## write the docs' tables of explained terms from the page's own sentences
 	$(BIN)/python -m tools.explained

@@ -15,15 +15,15 @@ from tools.mutants import (
     ROOT,
     Mutant,
     MutantError,
-    apply_mutant,
     find_culprit,
     list_changed,
     make_commands,
+    place_all,
     plant,
     read_table,
 )
 
-MUTANTS = read_table()
+MUTANTS = place_all(read_table())
 # parts that hurt somebody at once when they are wrong
 PARTS = {
     *("relay hub", "relay room", "flow control", "admission", "policy", "share link", "robots file"),
@@ -32,15 +32,15 @@ PARTS = {
     *("kinematics, agent", "kinematics, relay", "kinematics, page", "page liveness", "playout"),
     *("agent publisher", "agent sampler", "model resolver", "ROS merge", "lane, page", "lane, relay"),
 }
-BOUND = Mutant("bound", "a part", "harms", "code.py", "a < b", "a > b", ("tests/test_code.py",))
+BOUND = Mutant("bound", "a part", "harms", "a < b", "a > b", ("test_code.py",))
 ENDED = """
 import signal, sys, time
 from pathlib import Path
 from tools.mutants import Mutant, end_on_signals, plant
 
 end_on_signals()
-mutant = Mutant("bound", "a part", "harms", "code.py", "a < b", "a > b", ())
-with plant(mutant, Path(sys.argv[1])):
+mutant = Mutant("bound", "a part", "harms", "a < b", "a > b", ())
+with plant(mutant, Path(sys.argv[1]) / "code.py"):
     print("planted", flush=True)
     time.sleep(60)
 """
@@ -53,39 +53,43 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
-def test_a_mutant_fits_the_code(mutant: Mutant) -> None:
-    text = (ROOT / mutant.file).read_text()
-    assert apply_mutant(mutant, text) != text
-    assert mutant.harm
-    assert mutant.tests
-    for test in mutant.tests:
-        assert (ROOT / test).is_file(), test
-
-
 def test_they_are_in_every_part_that_matters() -> None:
-    assert {mutant.part for mutant in MUTANTS} >= PARTS
+    assert {placed.mutant.part for placed in MUTANTS} >= PARTS
+    assert all(placed.mutant.harm and placed.tests for placed in MUTANTS)
 
 
 def test_make_test_runs_what_must_catch_them() -> None:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
     folders = (*settings["tool"]["pytest"]["ini_options"]["testpaths"], "spa/tests")
-    for test in {test for mutant in MUTANTS for test in mutant.tests}:
+    for test in {test for placed in MUTANTS for test in placed.tests}:
         assert test.startswith((*(f"{folder}/" for folder in folders), "wire/typescript/tests/")), test
         assert (ROOT / test).name.startswith("test_") or test.endswith(".test.ts"), test
 
 
-@pytest.mark.parametrize(("text", "count"), [("if a < b < c and a < b:\n", 2), ("if a > b:\n", 0)])
-def test_a_text_that_is_not_there_once_is_refused(folder: Path, text: str, count: int) -> None:
-    (folder / "code.py").write_text(text)
-    with pytest.raises(MutantError, match=rf"bound: its old text occurs {count} times in code.py, not once"):
-        plant(BOUND, folder).__enter__()
-    assert (folder / "code.py").read_text() == text
+def test_a_fault_finds_its_place_and_its_tests_wherever_they_have_moved(tmp_path: Path) -> None:
+    for path, text in {"src/new/place.py": "if a < b:\n", "tests/new/test_code.py": ""}.items():
+        (tmp_path / "relay" / path).parent.mkdir(parents=True)
+        (tmp_path / "relay" / path).write_text(text)
+    (placed,) = place_all([BOUND], tmp_path)
+    assert (placed.file, placed.tests) == ("relay/src/new/place.py", ("relay/tests/new/test_code.py",))
+    (tmp_path / "relay/tests/new/test_code.py").unlink()
+    with pytest.raises(MutantError, match=r"^bound: 0 files test_code\.py in relay/tests, not one$"):
+        place_all([BOUND], tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "count"), [("if a < b < c and a < b:\n", r"2 times \(.*code.py\)"), ("", "0 times")]
+)
+def test_a_text_that_is_not_there_once_is_one_complaint(tmp_path: Path, text: str, count: str) -> None:
+    (tmp_path / "relay/src").mkdir(parents=True)
+    (tmp_path / "relay/src/code.py").write_text(text)
+    with pytest.raises(MutantError, match=f"^bound: its old text occurs {count}, not once: a < b$"):
+        place_all([BOUND], tmp_path)
 
 
 def test_a_fault_goes_with_its_block_and_leaves_no_trace(folder: Path) -> None:
     def fail() -> None:
-        with plant(BOUND, folder):
+        with plant(BOUND, folder / "code.py"):
             assert (folder / "code.py").read_text() == "if a > b:\n"
             raise RuntimeError
 
@@ -112,7 +116,7 @@ def test_changes_that_are_not_committed_are_found(folder: Path) -> None:
     for command in (["init", "-q"], ["add", "code.py"], ["commit", "-qm", "first"]):
         subprocess.run([*git, *command], cwd=folder, check=True)
     assert list_changed(["code.py"], folder) == []
-    with plant(BOUND, folder):
+    with plant(BOUND, folder / "code.py"):
         assert list_changed(["code.py"], folder) == ["code.py"]
     assert list_changed(["code.py"], folder) == []
 
@@ -148,10 +152,10 @@ def test_the_first_failed_test_is_named(said: str, culprit: str) -> None:
 
 
 def test_two_of_one_name_are_refused(tmp_path: Path) -> None:
-    fields = "\n".join(f'{name} = "x"' for name in ("name", "part", "harm", "file", "old", "new"))
+    fields = "\n".join(f'{name} = "x"' for name in ("name", "part", "harm", "old", "new"))
     entry = f"[[mutant]]\n{fields}\ntests = []\n"
     (tmp_path / "table.toml").write_text(entry)
-    assert read_table(tmp_path / "table.toml") == [Mutant("x", "x", "x", "x", "x", "x", ())]
+    assert read_table(tmp_path / "table.toml") == [Mutant("x", "x", "x", "x", "x", ())]
     (tmp_path / "table.toml").write_text(2 * entry)
     with pytest.raises(MutantError, match="x: two mutants have this name"):
         read_table(tmp_path / "table.toml")

@@ -35,7 +35,7 @@ def test_page_and_plots_are_up_to_date(tmp_path: Path) -> None:
 
 def test_a_page_without_its_markers_is_refused() -> None:
     with pytest.raises(ValueError, match="'capacity'"):
-        scaling.written("reference/capacity.md", "# Capacity\n")
+        scaling.written("# Capacity\n")
 
 
 def test_the_pages_name_the_constants_they_use() -> None:

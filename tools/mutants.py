@@ -2,9 +2,10 @@
 
 python -m tools.mutants [--check] [NAME…]
 
-tools/mutants.toml is the table of the faults. Each is written into its file, its tests run, and the file is
-restored, also after an error, Ctrl+C or SIGTERM. A fault is caught when its tests fail or hang. Ends with
-status 1 if a fault is not caught, and refuses to start while a file of the table has uncommitted changes.
+tools/mutants.toml is the table of the faults. Each is written where its old text is found in product code,
+its tests run, and the file is restored, also after an error, Ctrl+C or SIGTERM. A fault is caught when its
+tests fail or hang. Ends with status 1 if a fault is not caught, and refuses to start while a text is not
+found or its file has uncommitted changes.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ TABLE = ROOT / "tools/mutants.toml"
 LIMIT_S = 300.0  # for the tests of one fault; a longer run counts as hanging
 CHECK_LIMIT_S = 1800.0  # for all tests without a fault
 VITEST_FOLDERS = ("spa", "wire/typescript")
+PARTS = ("wire/python", "edge-agent", "relay", *VITEST_FOLDERS)  # each with src and tests
 PYTEST = (
     *(sys.executable, "-m", "pytest", "-x", "-q", "-rfE", "-m", "not full"),
     *("-p", "no:cacheprovider", "-p", "tools.mutants"),
@@ -47,15 +49,23 @@ class MutantError(Exception):
 
 @dataclass(frozen=True)
 class Mutant:
-    """A fault to plant: `old` becomes `new` in `file`, and one of `tests` must fail. Paths start from the
-    repository's root; `harm` is what the fault would do to somebody."""
+    """A fault to plant: `old` becomes `new`, and one of `tests` must fail: names of files in the part's
+    tests. `harm` is what the fault would do to somebody."""
 
     name: str
     part: str
     harm: str
-    file: str
     old: str
     new: str
+    tests: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A mutant with where it goes, and its tests. Paths start from the repository's root."""
+
+    mutant: Mutant
+    file: str
     tests: tuple[str, ...]
 
 
@@ -81,25 +91,47 @@ def read_table(path: Path = TABLE) -> list[Mutant]:
     return found
 
 
-def apply_mutant(mutant: Mutant, text: str) -> str:
-    """The file's text with the fault. Raises MutantError unless the old text is in it exactly once."""
-    count = text.count(mutant.old)
-    if count != 1:
-        raise MutantError(f"{mutant.name}: its old text occurs {count} times in {mutant.file}, not once")
-    return text.replace(mutant.old, mutant.new)
+def place_all(table: Sequence[Mutant], root: Path = ROOT) -> list[Placed]:
+    """Find where each goes, wherever files have moved. Raises MutantError with a line for each that goes
+    nowhere, or whose tests are not there."""
+    sources = {
+        path.relative_to(root).as_posix(): path.read_text(encoding="utf-8")
+        for part in PARTS
+        for path in sorted((root / part / "src").rglob("*"))
+        if path.suffix in (".py", ".ts", ".tsx")
+    }
+    placed: list[Placed] = []
+    wrong: list[str] = []
+    for mutant in table:
+        files = [file for file, text in sources.items() for _ in range(text.count(mutant.old))]
+        if len(files) != 1:
+            where = f" ({', '.join(files)})" if files else ""
+            wrong.append(
+                f"{mutant.name}: its old text occurs {len(files)} times{where}, not once: {mutant.old}"
+            )
+            continue
+        part = root / files[0].partition("/src/")[0]
+        tests = []
+        for name in mutant.tests:
+            found = list((part / "tests").rglob(name))
+            tests += [path.relative_to(root).as_posix() for path in found]
+            if len(found) != 1:
+                wrong.append(f"{mutant.name}: {len(found)} files {name} in {part.name}/tests, not one")
+        placed.append(Placed(mutant, files[0], tuple(tests)))
+    if wrong:
+        raise MutantError("\n".join(wrong))
+    return placed
 
 
 @contextmanager
-def plant(mutant: Mutant, root: Path = ROOT) -> Iterator[None]:
-    """Have the fault in its file for the duration of a `with` block.
+def plant(mutant: Mutant, path: Path) -> Iterator[None]:
+    """Have the fault in this file for the duration of a `with` block.
 
     The time of change is restored as well, so that make rebuilds nothing and Python's bytecode stays valid.
     """
-    path = root / mutant.file
     original, times = path.read_bytes(), path.stat()
-    mutated = apply_mutant(mutant, original.decode()).encode()
     try:
-        path.write_bytes(mutated)
+        path.write_bytes(original.replace(mutant.old.encode(), mutant.new.encode()))
         yield
     finally:
         path.write_bytes(original)
@@ -173,18 +205,6 @@ def list_changed(files: Sequence[str], root: Path = ROOT) -> list[str]:
     return [line[3:] for line in said.splitlines()]
 
 
-def check_table(table: Sequence[Mutant], root: Path = ROOT) -> None:
-    """Raises MutantError if the table does not fit the code, or a file has uncommitted changes."""
-    for mutant in table:
-        apply_mutant(mutant, (root / mutant.file).read_text(encoding="utf-8"))
-        for test in mutant.tests:
-            if not (root / test).is_file():
-                raise MutantError(f"{mutant.name}: there is no {test}")
-    changed = list_changed(sorted({mutant.file for mutant in table}), root)
-    if changed:
-        raise MutantError(f"uncommitted changes in {', '.join(changed)}: commit them or take them back first")
-
-
 def pytest_configure() -> None:
     """As a plugin of pytest: property tests try the same cases in every run, and look for no smaller one that
     fails."""
@@ -207,17 +227,9 @@ def end_on_signals() -> None:
         signal.signal(each, end)
 
 
-def _select(names: Sequence[str], table: Sequence[Mutant]) -> list[Mutant]:
-    known = {mutant.name for mutant in table}
-    for name in names:
-        if name not in known:
-            raise MutantError(f"no mutant {name!r}; there are {', '.join(sorted(known))}")
-    return [mutant for mutant in table if not names or mutant.name in names]
-
-
-def _check_tests(chosen: Sequence[Mutant]) -> None:
+def _check_tests(chosen: Sequence[Placed]) -> None:
     """Raises MutantError unless their tests pass without a fault."""
-    tests = list(dict.fromkeys(test for mutant in chosen for test in mutant.tests))
+    tests = list(dict.fromkeys(test for placed in chosen for test in placed.tests))
     print(f"without a fault: {len(tests)} test files …", flush=True)
     outcome = run_tests(tests, CHECK_LIMIT_S, keeps_bytecode=True)
     if outcome.word != "passed":
@@ -225,7 +237,7 @@ def _check_tests(chosen: Sequence[Mutant]) -> None:
     print(f"without a fault: all pass ({outcome.seconds:.0f} s)", flush=True)
 
 
-def _try_all(chosen: Sequence[Mutant]) -> int:
+def _try_all(chosen: Sequence[Placed]) -> int:
     """Plant each and print a row about it. Returns how many were caught."""
     words = {
         "failed": "caught",
@@ -233,11 +245,12 @@ def _try_all(chosen: Sequence[Mutant]) -> int:
         "passed": "NOT CAUGHT",
         "broken": "TESTS DID NOT RUN",
     }
-    wide = max(len(mutant.name) for mutant in chosen)
+    wide = max(len(placed.mutant.name) for placed in chosen)
     caught = 0
-    for mutant in chosen:
-        with plant(mutant):
-            outcome = run_tests(mutant.tests, LIMIT_S)
+    for placed in chosen:
+        mutant = placed.mutant
+        with plant(mutant, ROOT / placed.file):
+            outcome = run_tests(placed.tests, LIMIT_S)
         caught += outcome.word in ("failed", "hung")
         word = words[outcome.word]
         print(
@@ -245,7 +258,7 @@ def _try_all(chosen: Sequence[Mutant]) -> int:
             flush=True,
         )
         if outcome.word == "passed":
-            print(f"  {mutant.file}: {mutant.harm}", flush=True)
+            print(f"  {placed.file}: {mutant.harm}", flush=True)
     print(f"{caught} of {len(chosen)} mutants caught")
     return caught
 
@@ -260,9 +273,16 @@ def main() -> int:
     asked = parser.parse_args()
     end_on_signals()
     try:
-        table = read_table()
-        check_table(table)
-        chosen = _select(asked.names, table)
+        table = place_all(read_table())
+        names = [placed.mutant.name for placed in table]
+        if unknown := set(asked.names) - set(names):
+            raise MutantError(f"no mutant {', '.join(sorted(unknown))}; there are {', '.join(sorted(names))}")
+        changed = list_changed(sorted({placed.file for placed in table}))
+        if changed:
+            raise MutantError(
+                f"uncommitted changes in {', '.join(changed)}: commit them or take them back first"
+            )
+        chosen = [placed for placed in table if not asked.names or placed.mutant.name in asked.names]
         if asked.check:
             _check_tests(chosen)
         return 0 if _try_all(chosen) == len(chosen) else 1

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from tools import crowd, plot
 from tools.crowd import MIXED, PROVIDERS
+from tools.pages import fill, table
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -36,11 +36,6 @@ def number(value: float) -> str:
     if value >= 100:
         return f"{float(f'{value:.3g}'):,.0f}"
     return f"{float(f'{value:.2g}'):g}"
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)])
 
 
 def crowds(name: str, figure: Callable[[int], str]) -> list[str]:
@@ -272,29 +267,13 @@ def plots() -> dict[str, str]:
     }
 
 
-BLOCKS: dict[str, dict[str, Callable[[], str]]] = {
-    "reference/capacity.md": {
-        "capacity": capacity,
-        "counted": counted,
-        "sizes": sizes,
-        "limits": limits,
-        "origin": origin,
-        "traffic": traffic,
-        "cost": cost,
-        "million": million,
-        "storms": storms,
-    },
-}
+PAGE = "reference/capacity.md"
+BLOCKS = (capacity, counted, sizes, limits, origin, traffic, cost, million, storms)
 
 
-def written(file: str, page: str) -> str:
+def written(page: str) -> str:
     """The page with regenerated blocks. Raises ValueError if a marker is missing."""
-    for name, block in BLOCKS[file].items():
-        pattern = rf"(<!-- {name}: .*? -->\n).*?(<!-- /{name} -->)"
-        page, found = re.subn(pattern, rf"\g<1>\n{block()}\n\n\g<2>", page, flags=re.DOTALL)
-        if found != 1:
-            raise ValueError(f"{file}: {found} blocks called {name!r}, expected one")
-    return page
+    return fill(page, {block.__name__: block() for block in BLOCKS}, PAGE)
 
 
 def main() -> None:
@@ -305,10 +284,9 @@ def main() -> None:
 
 def write(out: Path) -> None:
     """Write pages and plots below `out`."""
-    (out / "img").mkdir(parents=True, exist_ok=True)
-    for file in BLOCKS:
-        (out / file).parent.mkdir(parents=True, exist_ok=True)
-        (out / file).write_text(written(file, (ROOT / "docs" / file).read_text()))
+    for folder in ("img", "reference"):
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    (out / PAGE).write_text(written((ROOT / "docs" / PAGE).read_text()))
     for name, image in plots().items():
         (out / "img" / name).write_text(image)
 

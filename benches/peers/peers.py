@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import shutil
-import socket
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
 
 from posecast_testing import free_port
 
 from benches.peers import mqtt
 from relay.benches.build import ROOT
 from relay.benches.scenarios import Scenario
-from relay.benches.servers import CannotStart, Place, Server, end, serving, start_on, wait_line
+from relay.benches.servers import Place, Server, hear, serving, started, wait_port
 
 HERE = Path(__file__).resolve().parent
 OUT = ROOT / "out" / "peers"  # ignored by git
@@ -26,7 +23,7 @@ NODE_MODULES = OUT / "node_modules"
 RELAY = "posecast"
 
 Options = dict[str, object]  # of the program `viewers`
-Start = Callable[[Scenario, Place, IO[bytes]], Iterator[Server]]
+Start = Callable[[Scenario, Place], Iterator[Server]]
 
 
 @dataclass(frozen=True)
@@ -78,47 +75,30 @@ def feeding(scenario: Scenario, place: Place) -> list[str]:
 def own_server(*command: str) -> Start:
     """A program that makes its frames itself and says `PORT n`."""
 
-    def start(scenario: Scenario, place: Place, log: IO[bytes]) -> Iterator[Server]:
-        child = start_on(place.server_core, [*command, *feeding(scenario, place)], log)
-        try:
-            yield Server(child.pid, int(wait_line(child, r"PORT (\d+)\n")[1]), "", None)
-        finally:
-            end(child)
+    def start(scenario: Scenario, place: Place) -> Iterator[Server]:
+        words = [*command, *feeding(scenario, place)]
+        with started(place, place.server_core, "server", *words) as server:
+            yield Server(server.process.pid, int(hear(server, r"^PORT (\d+)$")[1]), "", None)
 
     return start
-
-
-def wait_port(port: int) -> None:
-    """Until somebody listens there."""
-    for _ in range(200):
-        with socket.socket() as probe:
-            probe.settimeout(0.1)
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.05)
-    raise CannotStart(f"nothing listens on port {port}")
 
 
 def broker(name: str, protocol: str, settings: Callable[[int, int], str], flag: str) -> Start:
     """A broker with a listener for robots and one for browsers, and its robot beside it."""
 
-    def start(scenario: Scenario, place: Place, log: IO[bytes]) -> Iterator[Server]:
+    def start(scenario: Scenario, place: Place) -> Iterator[Server]:
         tcp, web = free_port(), free_port()
         configuration = place.out / f"{name}.conf"
         configuration.write_text(settings(tcp, web))
-        child = start_on(place.server_core, [find(name) or name, flag, str(configuration)], log)
-        robot = None
-        try:
+        feed = [sys.executable, "-m", "benches.peers.servers.broker_feed", protocol, str(tcp)]
+        feed += feeding(scenario, place)
+        command = (find(name) or name, flag, str(configuration))
+        with started(place, place.server_core, "server", *command) as server:
             for port in (tcp, web):
                 wait_port(port)
-            feed = [sys.executable, "-m", "benches.peers.servers.broker_feed", protocol, str(tcp)]
-            robot = start_on(place.other_core, [*feed, *feeding(scenario, place)], log)
-            wait_line(robot, "READY\n")
-            yield Server(child.pid, web, "", None)
-        finally:
-            if robot is not None:
-                end(robot)
-            end(child)
+            with started(place, place.other_core, "robot", *feed) as robot:
+                hear(robot, "^READY$")
+                yield Server(server.process.pid, web, "", None)
 
     return start
 
@@ -134,7 +114,7 @@ def nats_settings(tcp: int, web: int) -> str:
     return f'host: "127.0.0.1"\nport: {tcp}\nwebsocket: {web_settings}\n'
 
 
-def the_relay(scenario: Scenario, place: Place, log: IO[bytes]) -> Iterator[Server]:  # noqa: ARG001
+def the_relay(scenario: Scenario, place: Place) -> Iterator[Server]:
     with serving("relay", scenario, place) as server:
         yield server
 
@@ -188,9 +168,7 @@ PEERS = (
 
 
 @contextmanager
-def started(peer: Peer, scenario: Scenario, place: Place) -> Iterator[Server]:
+def serve(peer: Peer, scenario: Scenario, place: Place) -> Iterator[Server]:
     """The peer's server. CannotStart, one line, when it doesn't."""
-    with open(place.out / "server.log", "ab") as log:
-        running = contextmanager(peer.start)(scenario, place, log)
-        with running as server:
-            yield Server(server.pid, server.port, server.path or peer.path, None)
+    with contextmanager(peer.start)(scenario, place) as server:
+        yield Server(server.pid, server.port, server.path or peer.path, None)

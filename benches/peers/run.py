@@ -14,7 +14,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from benches.peers.peers import NODE_MODULES, OUT, PEERS, RELAY, Options, Peer, started
+from benches.peers.peers import NODE_MODULES, OUT, PEERS, RELAY, Options, Peer, serve
 from benches.peers.table import print_all
 from relay.benches.bench import TRIES, calmest, machine, prepare, progress
 from relay.benches.build import NoCompiler
@@ -57,7 +57,7 @@ def parse() -> argparse.Namespace:
 def measure(peer: Peer, scenario: Scenario, place: Place) -> Row:
     """One run. CannotStart when the server or the viewers did not."""
     make_stamps(place.stamps)
-    with started(peer, scenario, place) as server:
+    with serve(peer, scenario, place) as server:
         asked = command(scenario, server, place, scenario.seconds, relay=False)
         options: Options = peer.viewers(scenario)
         asked += [str(part) for pair in options.items() for part in pair]

@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from posecast_loadtests.hall.__main__ import play
-from posecast_loadtests.hall.hall_counts import (
+from posecast_loadtests.hall import (
+    FAILURES_MAX,
     HallCounts,
     HallViewer,
+    LaneReader,
     Replacement,
     find_breaches,
     make_report,
+    play,
 )
-from posecast_loadtests.hall.lane_pace import AHEAD_S, LanePace
-from posecast_loadtests.hall.lane_reader import FAILURES_MAX, LaneReader
 from posecast_wire import Encoder, Schema, build_schema_text
 from posecast_wire.segment import FrameRecord, Segment, SegmentStart, encode_segment
 
@@ -39,7 +39,7 @@ REPLACED = Replacement(10.0, 12.0)
 
 
 def make_counts(*last_s: float, by: str = "lane", **more: Any) -> HallCounts:
-    viewers = [HallViewer(by, at_s, 5.0, 9.0) for at_s in last_s]
+    viewers = [HallViewer(by, at_s, 5.0) for at_s in last_s]
     return HallCounts(viewers=viewers, **{"told_lane": 1, **more})
 
 
@@ -78,34 +78,7 @@ def test_the_longest_wait_of_a_viewer() -> None:
     viewer = HallViewer()
     for at_s in (100.0, 104.0, 111.0, 115.0):
         viewer.show("lane", at_s)
-    assert (viewer.longest_s, viewer.longest_from_s, viewer.last_s) == (7.0, 104.0, 115.0)
-
-
-# ---- when to ask -------------------------------------------------------------------
-
-
-def test_it_asks_at_once_until_a_request_was_held() -> None:
-    pace = LanePace()
-    pace.take_segment(1000.0, 1004.0, asked_s=50.0, now_s=50.1)  # it may have been there for long
-    assert pace.due_s == 50.1
-    pace.take_segment(1004.0, 1008.0, asked_s=50.1, now_s=52.0)  # held until it was there
-    assert pace.is_found
-    assert pace.due_s == pytest.approx(52.0 + 4.0 - AHEAD_S)
-
-
-def test_a_segment_that_came_late_does_not_delay_the_next_request() -> None:
-    pace = LanePace()
-    pace.take_segment(1000.0, 1004.0, asked_s=49.0, now_s=50.0)
-    pace.take_segment(1004.0, 1008.0, asked_s=53.2, now_s=57.0)
-    assert pace.due_s == pytest.approx(58.0 - AHEAD_S)
-
-
-def test_not_yet_is_asked_again_when_the_relay_says_so() -> None:
-    pace = LanePace()
-    pace.take_not_yet(0.0, 7.0)
-    assert pace.due_s == 8.0  # a second at the least
-    pace.take_not_yet(2.5, 7.0)
-    assert pace.due_s == 9.5
+    assert (viewer.longest_s, viewer.last_s) == (7.0, 115.0)
 
 
 # ---- what is read ------------------------------------------------------------------

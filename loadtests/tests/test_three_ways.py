@@ -53,8 +53,8 @@ class Site:
 
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[Site]:
-    with ExitStack() as stack, (tmp_path / "relay.log").open("w") as log:
-        made = Site(tmp_path, own_relay(stack, log).address.viewers)
+    with ExitStack() as stack:
+        made = Site(tmp_path, own_relay(stack, tmp_path).address.viewers)
         try:
             yield made
         finally:

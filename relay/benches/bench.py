@@ -64,7 +64,6 @@ def prepare(out: Path) -> Place:
     binaries = build()
     resource.setrlimit(resource.RLIMIT_NOFILE, (resource.getrlimit(resource.RLIMIT_NOFILE)[1],) * 2)
     out.mkdir(parents=True, exist_ok=True)
-    (out / "server.log").unlink(missing_ok=True)
     server_core, other_core = choose_cores()
     os.sched_setaffinity(0, {other_core})
     return Place(server_core, other_core, binaries, out)

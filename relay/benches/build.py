@@ -11,7 +11,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 OUT = ROOT / "out" / "bench"  # ignored by git
-PROGRAMS = ("viewers", "bare_server", "lane_viewers")
+PROGRAMS = ("viewers", "bare_server")
 
 
 class NoCompiler(Exception):

@@ -5,17 +5,17 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from relay.benches.build import ROOT
+from posecast_testing import Process
+
 from relay.benches.feed import LAG_SAMPLE
 from relay.benches.scenarios import RELAYS, Scenario
-from relay.benches.servers import ROBOT, CannotStart, Place, Server, end, serving, wait_line
+from relay.benches.servers import ROBOT, CannotStart, Place, Server, hear, serving
 from relay.benches.stamps import make_stamps
 
 Row = dict[str, Any]  # what `viewers` prints, and what is derived from it here
@@ -108,26 +108,26 @@ def play(asked: list[str], server: Server) -> tuple[Row, list[tuple[float, int]]
         raise CannotStart(f"its viewers said nothing (exit {child.returncode})")
     row: Row = json.loads(said)
     if not row["messages"]:
-        raise CannotStart("its viewers got no frame, see server.log")
+        raise CannotStart("its viewers got no frame, see its log in out/bench")
     return row, held
 
 
 @contextmanager
-def looking_back(scenario: Scenario, server: Server, seen: Row) -> Iterator[None]:
+def looking_back(scenario: Scenario, server: Server, place: Place, seen: Row) -> Iterator[None]:
     """Meanwhile the scenario's lookers look back; what they saw comes into `seen`."""
     if not scenario.lookers:
         yield
         return
-    asked = ["--port", str(server.port), "--robot", ROBOT, "--lookers", str(scenario.lookers)]
-    command = [sys.executable, "-m", "relay.benches.lookers", *asked]
-    child = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    command = [str(place.binaries["viewers"]), "--mode", "past", "--port", str(server.port)]
+    command += ["--robot", ROBOT, "--viewers", str(scenario.lookers), "--join", "5"]
+    child = Process(place.out, "lookers", *command, stdin=subprocess.PIPE)
     try:
-        wait_line(child, "READY\n")
+        hear(child, "^READY$")
         yield
-        said, _ = child.communicate(timeout=RUN_LIMIT_S)
-        seen |= json.loads(said)
+        child.process.communicate(timeout=RUN_LIMIT_S)
+        seen |= json.loads(child.out.splitlines()[-1])
     finally:
-        end(child)
+        child.kill()
 
 
 def measure(kind: str, scenario: Scenario, place: Place, seconds: float) -> Row:
@@ -136,7 +136,7 @@ def measure(kind: str, scenario: Scenario, place: Place, seconds: float) -> Row:
     with serving(kind, scenario, place) as server:
         asked = command(scenario, server, place, seconds, kind in RELAYS)
         looked: Row = {}
-        with looking_back(scenario, server, looked):
+        with looking_back(scenario, server, place, looked):
             row, held = play(asked, server)
         if looked:
             row["looked_back"] = looked

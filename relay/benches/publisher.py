@@ -10,23 +10,12 @@ suppressed; a KEY every 4 s as an edge sends it.
 from __future__ import annotations
 
 import argparse
-import json
 import random
-import secrets
 import struct
 import time
 
-import zenoh
-from posecast_wire import (
-    Encoder,
-    Schema,
-    Snapshot,
-    Stamp,
-    alive_key,
-    build_schema_text,
-    frame_key,
-    snapshot_key,
-)
+from posecast_loadtests.fleet import FleetRobot, open_session
+from posecast_wire import Encoder, Schema, Snapshot, build_schema_text
 
 from relay.benches.stamps import Stamps
 
@@ -38,53 +27,21 @@ KEY_HEADER = struct.Struct("<BIId")  # wire format 1: tag, schema id, seq, t s
 REACH = 4000  # codes lie within ±REACH: about 15 bits a channel
 
 
-def open_session(relay: str) -> zenoh.Session:
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "client",
-        "connect/endpoints": [relay],
-        "connect/timeout_ms": 5000,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/shared_memory/enabled": False,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return zenoh.open(config)
-
-
-class BenchUplink:
-    """A run of a robot with one view, as an agent has it: it answers for its snapshot, and sends frames."""
+class BenchUplink(FleetRobot):
+    """A run of a robot with one view, as an agent has it."""
 
     def __init__(self, relay: str, robot: str, schema: Schema, encoder: Encoder) -> None:
-        self.began_ns = time.monotonic_ns()
-        self._run, self._robot, self._schema, self._encoder = secrets.randbits(63) | 1, robot, schema, encoder
-        self._session = open_session(relay)
-        self._session.declare_queryable(snapshot_key(robot, "public"), self._answer)
-        self._publisher = self._session.declare_publisher(
-            frame_key(robot, "public"),
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME,
-        )
+        def make_snapshot() -> Snapshot | None:
+            return None if encoder.key is None else Snapshot(schema.text, {}, encoder.key, None)
+
+        super().__init__(open_session(relay), robot, make_snapshot)
 
     def announce(self) -> None:
         """Go on air; print "READY" when the relay listens."""
-        self._session.liveliness().declare_token(alive_key(self._robot))
-        while not self._publisher.matching_status.matching:  # type: ignore[attr-defined]  # the stub says bool
+        super().announce()
+        while not self.publisher.matching_status.matching:  # type: ignore[attr-defined]  # the stub says bool
             time.sleep(0.01)
         print("READY", flush=True)
-
-    def put(self, frame: bytes) -> None:
-        """Send a frame."""
-        self._publisher.put(frame, attachment=self._stamp())
-
-    def _stamp(self) -> bytes:
-        return Stamp(self._run, time.monotonic_ns() - self.began_ns).pack()
-
-    def _answer(self, query: zenoh.Query) -> None:
-        if self._encoder.key is not None:
-            snapshot = Snapshot(self._schema.text, {}, self._encoder.key, None)
-            query.reply(snapshot_key(self._robot, "public"), snapshot.pack(), attachment=self._stamp())
 
 
 def make_schema(robot: str, frame_bytes: int) -> Schema:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
-import select
-import subprocess
 import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
-from relay.benches.build import ROOT
+from posecast_testing import Process, is_listened_on, until
+
 from relay.benches.scenarios import RELAYS, Scenario
 
 ROBOT = "bench"
@@ -48,77 +44,69 @@ class Place:
         return self.out / "stamps"
 
 
-def start_on(core: int, command: Sequence[str], log: IO[bytes]) -> subprocess.Popen[bytes]:
-    """All its threads inherit the core."""
-    pinned = ["taskset", "--cpu-list", str(core), *command]
-    return subprocess.Popen(pinned, cwd=ROOT, stdout=subprocess.PIPE, stderr=log)
-
-
-def wait_line(child: subprocess.Popen[bytes], pattern: str) -> re.Match[str]:
-    """The first line of its stdout that matches; CannotStart when it ends or stays silent."""
-    assert child.stdout is not None
-    deadline, heard = time.monotonic() + START_LIMIT_S, b""
-    while (left := deadline - time.monotonic()) > 0:
-        if not select.select([child.stdout], [], [], left)[0]:
-            break
-        chunk = os.read(child.stdout.fileno(), 65536)
-        if not chunk:
-            break
-        heard += chunk
-        if found := re.search(pattern, heard.decode(errors="replace")):
-            return found
-    raise CannotStart(f"{child.args!r} did not start, see server.log in out/bench; it said {heard[-300:]!r}")
-
-
-def end(child: subprocess.Popen[bytes]) -> None:
-    """At once: a drain is not what is measured here."""
-    child.kill()
-    child.wait()
-    if child.stdout is not None:
-        child.stdout.close()
+def start_on(place: Place, core: int, name: str, *command: str) -> Process:
+    """All its threads inherit the core. What it prints goes to files in `place.out`."""
+    for file in (f"{name}.out", f"{name}.err"):
+        (place.out / file).unlink(missing_ok=True)
+    return Process(place.out, name, "taskset", "--cpu-list", str(core), *command)
 
 
 @contextmanager
-def relay(kind: str, scenario: Scenario, place: Place, lag: Path | None, log: IO[bytes]) -> Iterator[Server]:
+def started(place: Place, core: int, name: str, *command: str) -> Iterator[Process]:
+    """The same, until the end of the block. Then it is killed: a drain is not what is measured here."""
+    process = start_on(place, core, name, *command)
+    try:
+        yield process
+    finally:
+        process.kill()
+
+
+def hear(process: Process, pattern: str) -> re.Match[str]:
+    """The newest line of its stdout that matches; CannotStart when it ends or stays silent."""
+    try:
+        return process.line(pattern, START_LIMIT_S)
+    except AssertionError as e:
+        raise CannotStart(str(e)) from None
+
+
+def wait_port(port: int) -> None:
+    """Until somebody listens there. CannotStart."""
+    try:
+        until(f"port {port} is listened on", lambda: is_listened_on(port), START_LIMIT_S)
+    except AssertionError as e:
+        raise CannotStart(str(e)) from None
+
+
+@contextmanager
+def relay(kind: str, scenario: Scenario, place: Place, lag: Path | None) -> Iterator[Server]:
     settings = ["run", "--dev", "--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0"]
     if lag is None and kind == "relay":
         command = [str(Path(sys.executable).with_name("posecast-relay")), *settings]
     else:
         ways = ["--lag", str(lag)] if lag is not None else ["--no-uring"]
         command = [sys.executable, "-m", "relay.benches.odd_relay", *ways, *settings]
-    child = start_on(place.server_core, command, log)
-    robot: subprocess.Popen[bytes] | None = None
-    try:
-        said = wait_line(child, r"serving http://[^ ]*:(\d+), robots on (\S+)\s")
-        robot_hz = scenario.robot_hz or scenario.hz
+    with started(place, place.server_core, "relay", *command) as server:
+        said = hear(server, r"serving http://[^ ]*:(\d+), robots on (\S+)\s")
         publisher = [sys.executable, "-m", "relay.benches.publisher", "--relay", said[2], "--robot", ROBOT]
-        publisher += ["--hz", str(robot_hz), "--stamps", str(place.stamps)]
+        publisher += ["--hz", str(scenario.robot_hz or scenario.hz), "--stamps", str(place.stamps)]
         publisher += ["--bytes", str(scenario.frame_bytes)]
-        robot = start_on(place.other_core, publisher, log)
-        wait_line(robot, "READY\n")
-        yield Server(child.pid, int(said[1]), f"/api/v1/robots/{ROBOT}/live?hz={scenario.hz:g}", lag)
-    finally:
-        end(child)
-        if robot is not None:
-            end(robot)
+        with started(place, place.other_core, "robot", *publisher) as robot:
+            hear(robot, "^READY$")
+            path = f"/api/v1/robots/{ROBOT}/live?hz={scenario.hz:g}"
+            yield Server(server.process.pid, int(said[1]), path, lag)
 
 
 @contextmanager
-def comparison(
-    kind: str, scenario: Scenario, place: Place, lag: Path | None, log: IO[bytes]
-) -> Iterator[Server]:
+def comparison(kind: str, scenario: Scenario, place: Place, lag: Path | None) -> Iterator[Server]:
     command = (
-        [str(place.binaries["bare_server"])] if kind == "bare" else [sys.executable, "-m", MODULES[kind]]
+        [sys.executable, "-m", MODULES[kind]] if kind in MODULES else [str(place.binaries["bare_server"])]
     )
     command += ["--hz", str(scenario.hz), "--bytes", str(scenario.frame_bytes), "--stamps", str(place.stamps)]
-    if lag is not None and kind != "bare":
+    if lag is not None and kind in MODULES:
         command += ["--lag", str(lag)]
-    child = start_on(place.server_core, command, log)
-    try:
-        said = wait_line(child, r"PORT (\d+)\n")
-        yield Server(child.pid, int(said[1]), "/live", lag if kind != "bare" else None)
-    finally:
-        end(child)
+    with started(place, place.server_core, kind, *command) as server:
+        port = int(hear(server, r"^PORT (\d+)$")[1])
+        yield Server(server.process.pid, port, "/live", lag if kind in MODULES else None)
 
 
 @contextmanager
@@ -127,11 +115,5 @@ def serving(kind: str, scenario: Scenario, place: Place) -> Iterator[Server]:
     lag = place.out / "lag" if scenario.lag else None
     if lag is not None:
         lag.unlink(missing_ok=True)
-    with open(place.out / "server.log", "ab") as log:
-        started = (
-            relay(kind, scenario, place, lag, log)
-            if kind in RELAYS
-            else comparison(kind, scenario, place, lag, log)
-        )
-        with started as server:
-            yield server
+    with (relay if kind in RELAYS else comparison)(kind, scenario, place, lag) as server:
+        yield server

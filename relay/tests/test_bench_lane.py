@@ -25,10 +25,12 @@ from posecast_wire.segment import FrameRecord, Segment, SegmentStart, encode_seg
 
 from relay.benches.lane.caches import start_nginx
 from relay.benches.lane.origin import CountedApp, OriginRequest, TimedCall, name_kind, read_requests
-from relay.benches.lane.page import PAGE, fill
 from relay.benches.lane.run import MEASURED
 from relay.benches.lane.simulation import HOLD_S, KEY_INTERVAL_S, OriginTally, make_timeline, simulate
 from relay.benches.lane.table import find_goals, make_goals, make_steady, requests_a_segment
+from relay.benches.servers import Place
+from tools.bars import PAGE
+from tools.pages import fill
 
 ROOT = Path(__file__).resolve().parents[2]
 TAKE, NEXT_TAKE = 0xABC, 0xDEF
@@ -44,7 +46,7 @@ def lane_viewers() -> str:
         pytest.skip("no C compiler (cc) here")
     build = [sys.executable, "-m", "relay.benches.build"]
     said = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60).stdout
-    return dict(line.split(" ", 1) for line in said.splitlines())["lane_viewers"]
+    return dict(line.split(" ", 1) for line in said.splitlines())["viewers"]
 
 
 def make_segment(take: int, index: int, first_seq: int, run: int = 7) -> bytes:
@@ -98,7 +100,19 @@ def stand_in(script: dict[str, list[tuple[int, bytes]]]) -> Iterator[tuple[str, 
 
 def watch(binary: str, port: str, until: Counter[str], path: str, viewers: int = 3) -> dict[str, Any]:
     """What viewers saw until so many have asked for `path` at least once each."""
-    command = [binary, "--port", port, "--robot", "bench", "--viewers", f"{viewers}", "--join", "0"]
+    command = [
+        binary,
+        "--mode",
+        "lane",
+        "--port",
+        port,
+        "--robot",
+        "bench",
+        "--viewers",
+        f"{viewers}",
+        "--join",
+        "0",
+    ]
     pipe = subprocess.PIPE
     with subprocess.Popen([*command, "--seconds", "60"], stdin=pipe, stdout=pipe, text=True) as child:
         end_s = time.monotonic() + 50
@@ -170,7 +184,19 @@ def test_bytes_that_are_no_segment_are_unreadable(lane_viewers: str) -> None:
         f"/public/{TAKE:016x}/0": [(200, b"\x89PCS\x01" + b"\xff" * 600)],
     }
     with stand_in(script) as (port, asked):
-        command = [lane_viewers, "--port", port, "--robot", "bench", "--viewers", "1", "--join", "0"]
+        command = [
+            lane_viewers,
+            "--mode",
+            "lane",
+            "--port",
+            port,
+            "--robot",
+            "bench",
+            "--viewers",
+            "1",
+            "--join",
+            "0",
+        ]
         pipe = subprocess.PIPE
         with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as child:
             while asked["/api/v1/robots/bench/past?view=public"] < 2:  # it begins anew
@@ -180,11 +206,55 @@ def test_bytes_that_are_no_segment_are_unreadable(lane_viewers: str) -> None:
     assert (row["segments"], row["unreadable"] >= 1) == (0, True)
 
 
+def test_viewers_look_back_at_an_index_its_poses_and_two_segments(lane_viewers: str) -> None:
+    at_ms, name = 1_800_000_000_000, {"take": f"{TAKE:016x}", "index": 4}
+    summary = {"from_ms": at_ms, "to_ms": at_ms, "newest": name}
+    index = {"segments": [{"take": f"{TAKE:016x}", "index": n} for n in range(2)]}
+    page = "/public/2027-01-15T08:00Z"
+    script = {
+        "?view=public": [
+            (200, json.dumps(said, separators=(",", ":")).encode()) for said in ({"newest": None}, summary)
+        ],
+        "/public/2027-01-15": [(200, b"{}")],
+        page: [(200, json.dumps(index, separators=(",", ":")).encode())],
+        f"{page}/keys": [(503, b"")],
+        f"/public/{TAKE:016x}/1": [(200, b"x" * 500)],
+    }
+    command = [
+        lane_viewers,
+        "--mode",
+        "past",
+        "--robot",
+        "bench",
+        "--viewers",
+        "1",
+        "--join",
+        "0",
+        "--every",
+        "1",
+    ]
+    with stand_in(script) as (port, asked):
+        pipe = subprocess.PIPE
+        with subprocess.Popen([*command, "--port", port], stdin=pipe, stdout=pipe, text=True) as child:
+            assert child.stdout is not None
+            assert child.stdout.readline() == "READY\n"
+            while not asked[f"/api/v1/robots/bench/past/public/{TAKE:016x}/0"]:
+                time.sleep(0.02)
+            said, _ = child.communicate("", timeout=10)
+    row = json.loads(said)
+    assert asked.keys() == {
+        f"/api/v1/robots/bench/past{path}" for path in (*script, f"/public/{TAKE:016x}/0")
+    }
+    assert row["refused"]["503"] >= 1
+    assert row["bodies"] >= 1000
+    assert row["waited_ms"]["max"] > 0
+
+
 @pytest.mark.parametrize(
     "wrong", [("--viewers", "20001"), ("--seconds", "0"), ("--port", "0"), ("--odd", "1")]
 )
 def test_options_have_bounds(lane_viewers: str, wrong: tuple[str, str]) -> None:
-    command = [lane_viewers, "--port", "1", "--robot", "bench", "--viewers", "1", *wrong]
+    command = [lane_viewers, "--mode", "lane", "--port", "1", "--robot", "bench", "--viewers", "1", *wrong]
     assert subprocess.run(command, capture_output=True, timeout=10, check=False).returncode == 2
 
 
@@ -198,9 +268,8 @@ def test_nobody_begins_where_the_past_ended_long_ago(tmp_path: Path) -> None:
     script = {"?view=public": [(200, newest(1)), (200, newest(7))]}
     core = sorted(os.sched_getaffinity(0))[-1]
     with (
-        (tmp_path / "log").open("wb") as log,
         stand_in(script) as (port, asked),
-        start_nginx(f"127.0.0.1:{port}", core, log) as node,
+        start_nginx(f"127.0.0.1:{port}", Place(core, core, {}, tmp_path)) as node,
     ):
         address = f"http://127.0.0.1:{node.port}/api/v1/robots/bench/past?view=public"
 
@@ -346,9 +415,11 @@ def test_not_yet_counts_while_nothing_pauses_and_not_in_a_pause() -> None:
 
 def test_a_block_is_filled_and_a_missing_one_named() -> None:
     page = "a\n<!-- lane-x: written -->\nold\n<!-- /lane-x -->\nb\n"
-    assert fill(page, {"lane-x": "new"}) == "a\n<!-- lane-x: written -->\n\nnew\n\n<!-- /lane-x -->\nb\n"
+    assert (
+        fill(page, {"lane-x": "new"}, "x.md") == "a\n<!-- lane-x: written -->\n\nnew\n\n<!-- /lane-x -->\nb\n"
+    )
     with pytest.raises(ValueError, match="0 blocks called 'lane-y'"):
-        fill(page, {"lane-y": "new"})
+        fill(page, {"lane-y": "new"}, "x.md")
 
 
 def test_the_page_says_what_was_measured() -> None:

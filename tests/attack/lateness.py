@@ -13,11 +13,8 @@ import sys
 import time
 
 from posecast_loadtests.connection import Connection
-from posecast_loadtests.results.check import Clock, Viewer
-from posecast_loadtests.results.tally import Tally
-from posecast_loadtests.rfc6455 import Opcode, WebSocketReader, client_frame
-
-ACK_S = 1.0
+from posecast_loadtests.results import Clock, Tally, Viewer
+from websockets.frames import Opcode
 
 
 class Watched:
@@ -26,24 +23,17 @@ class Watched:
     def __init__(self, address: str, clock: Clock) -> None:
         self.link = Connection(address)
         self.link.socket.setblocking(False)
-        self._reader = WebSocketReader()
         self._viewer = Viewer(Tally(), clock, 1, decode=False)
-        self._acknowledged_s = 0.0
         self.late_s: list[float] = []
 
     def read(self, now_s: float) -> None:
         """All that is there."""
-        for opcode, payload in self._reader.feed(self.link.socket.recv(1 << 16)):
+        for opcode, payload in self.link.take(self.link.socket.recv(1 << 16)):
             if opcode is Opcode.BINARY:
                 late_s = self._viewer.binary(payload, now_s)
                 if late_s is not None:
                     self.late_s.append(late_s)
-            elif opcode is Opcode.PING:
-                self.link.socket.send(client_frame(Opcode.PONG, payload))
-        if now_s - self._acknowledged_s >= ACK_S and self._viewer.messages:
-            self._acknowledged_s = now_s
-            said = f'{{"type":"ack","n":{self._viewer.messages}}}'
-            self.link.socket.send(client_frame(Opcode.TEXT, said.encode()))
+        self.link.acknowledge(now_s)
 
 
 def main(http: str, name: str, count: int) -> None:

@@ -8,9 +8,9 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 
-from posecast_loadtests.connection import Connection
-from posecast_loadtests.rfc6455 import Opcode, ProtocolError
+from posecast_loadtests.connection import Connection, ProtocolError
 from posecast_testing import Process, until
+from websockets.frames import Opcode
 
 from tests.attack.arena import Arena, arena, said
 from tests.attack.innocent_robot import HZ

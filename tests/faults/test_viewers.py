@@ -13,10 +13,9 @@ from pathlib import Path
 
 import pytest
 from posecast_loadtests.connection import Connection
-from posecast_loadtests.results.check import Clock, Viewer
-from posecast_loadtests.results.tally import Tally
-from posecast_loadtests.rfc6455 import Opcode
+from posecast_loadtests.results import Clock, Tally, Viewer
 from posecast_testing import until
+from websockets.frames import Opcode
 
 from tests.conftest import Stack
 from tests.faults.conftest import Scene

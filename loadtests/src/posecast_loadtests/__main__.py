@@ -14,7 +14,7 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
-from posecast_loadtests.results.tally import Tally, breaches, report
+from posecast_loadtests.results import Tally, breaches, report
 from posecast_loadtests.scenarios import SCENARIOS, Scenario
 from posecast_loadtests.stage import Address, ends_on_term, own_relay, started
 
@@ -46,21 +46,12 @@ def options() -> argparse.Namespace:
 def run(scenario: Scenario, asked: argparse.Namespace) -> tuple[Tally, Tally]:
     """Run a scenario. Return the counts of Locust's viewers and of the control viewer."""
     at = str(asked.out / scenario.name)
-    with Path(f"{at}.log").open("w") as log, ExitStack() as stack:
-        address = Address(asked.host, asked.zenoh) if asked.host else own_relay(stack, log).address
+    logs = Path(at)
+    with ExitStack() as stack:
+        address = Address(asked.host, asked.zenoh) if asked.host else own_relay(stack, logs).address
         stream = f"{address.viewers}/api/v1/robots/demo/live?hz={scenario.hz:g}"
-        control = started(
-            stack,
-            log,
-            *(
-                sys.executable,
-                "-m",
-                "posecast_loadtests.control",
-                stream,
-                str(round(SOURCE_HZ / scenario.hz)),
-            ),
-            stdin=subprocess.PIPE,
-        )
+        watch = ("-m", "posecast_loadtests.control", stream, str(round(SOURCE_HZ / scenario.hz)))
+        control = started(stack, logs, "control", sys.executable, *watch, stdin=subprocess.PIPE)
         counts = Path(f"{at}.json")
         counts.unlink(missing_ok=True)
         command = [
@@ -71,11 +62,12 @@ def run(scenario: Scenario, asked: argparse.Namespace) -> tuple[Tally, Tally]:
             *("--html", f"{at}.html", "--csv", at),
             *(("--processes", str(asked.processes)) if asked.processes else ()),
         ]
-        status = subprocess.run(command, stdout=log, stderr=log, check=False).returncode
+        status = started(stack, logs, "locust", *command).process.wait()
         if status or not counts.exists():
-            sys.exit(f"{scenario.name}: Locust exited with status {status}, see {at}.log")
-        told, _ = control.communicate()
-    return Tally.sum([json.loads(counts.read_text())]), Tally.sum([json.loads(told)])
+            sys.exit(f"{scenario.name}: Locust exited with status {status}, see {logs}")
+        control.process.communicate()
+        told = json.loads(control.out)
+    return Tally.sum([json.loads(counts.read_text())]), Tally.sum([told])
 
 
 def main() -> int:

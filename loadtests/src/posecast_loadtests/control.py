@@ -13,10 +13,10 @@ import sys
 import threading
 from contextlib import suppress
 
-from posecast_loadtests.connection import Connection
-from posecast_loadtests.results.check import Clock, Viewer
-from posecast_loadtests.results.tally import Tally
-from posecast_loadtests.rfc6455 import Opcode, ProtocolError
+from websockets.frames import Opcode
+
+from posecast_loadtests.connection import Connection, ProtocolError
+from posecast_loadtests.results import Clock, Tally, Viewer
 
 
 def watch(address: str, step: int, tally: Tally, ended: threading.Event) -> None:

@@ -15,7 +15,7 @@ import json
 import math
 import secrets
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
 
 import zenoh
 from posecast_wire import (
@@ -34,17 +34,38 @@ JOINTS = 30
 VIEW = "public"
 
 
-@dataclass
-class Robot:
-    """One robot's connection to the relay."""
+class FleetRobot:
+    """One robot on air, with one view: it answers for its snapshot, and sends frames. `make_snapshot`: None
+    as long as there is none."""
 
-    name: str
-    run_id: int = field(default_factory=lambda: secrets.randbits(63) | 1)
-    began_ns: int = field(default_factory=time.monotonic_ns)
-    publisher: zenoh.Publisher | None = None
+    def __init__(
+        self, session: zenoh.Session, name: str, make_snapshot: Callable[[], Snapshot | None]
+    ) -> None:
+        self.began_ns = time.monotonic_ns()
+        self._session, self._name, self._make_snapshot = session, name, make_snapshot
+        self._run_id = secrets.randbits(63) | 1
+        self.publisher = session.declare_publisher(
+            frame_key(name, VIEW),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.REAL_TIME,
+        )
+        self._kept: list[object] = [session.declare_queryable(snapshot_key(name, VIEW), self._answer)]
 
-    def stamp(self) -> bytes:
-        return Stamp(self.run_id, time.monotonic_ns() - self.began_ns).pack()
+    def announce(self) -> None:
+        """Go on air."""
+        self._kept.append(self._session.liveliness().declare_token(alive_key(self._name)))
+
+    def put(self, frame: bytes) -> None:
+        """Send a frame."""
+        self.publisher.put(frame, attachment=self._stamp())
+
+    def _stamp(self) -> bytes:
+        return Stamp(self._run_id, time.monotonic_ns() - self.began_ns).pack()
+
+    def _answer(self, query: zenoh.Query) -> None:
+        snapshot = self._make_snapshot()
+        if snapshot is not None:
+            query.reply(snapshot_key(self._name, VIEW), snapshot.pack(), attachment=self._stamp())
 
 
 class Group:
@@ -58,7 +79,7 @@ class Group:
         ]
         self.schema = Schema.parse(build_schema_text(f"fleet, group {number}", {"joint": labels}, fields))
         self.encoder = Encoder(self.schema)
-        self.robots: list[Robot] = []
+        self.robots: list[FleetRobot] = []
         self._phase = number / GROUPS
         self._seq = 0
 
@@ -69,9 +90,9 @@ class Group:
         pos = [code - at % 4 for at, code in enumerate(ref)]
         return self.encoder.encode([*ref, *pos], self._seq, t_s, now_s, force_key=self._seq == 1)
 
-    def snapshot(self) -> bytes | None:
+    def snapshot(self) -> Snapshot | None:
         key = self.encoder.key
-        return None if key is None else Snapshot(self.schema.text, {}, key, None).pack()
+        return None if key is None else Snapshot(self.schema.text, {}, key, None)
 
 
 def open_session(relay: str) -> zenoh.Session:
@@ -90,26 +111,6 @@ def open_session(relay: str) -> zenoh.Session:
     )
 
 
-def join(session: zenoh.Session, robot: Robot, group: Group) -> list[object]:
-    """Bring a robot online. Keep the returned objects for as long as it should stay online."""
-
-    def answer(query: zenoh.Query) -> None:
-        snapshot = group.snapshot()
-        if snapshot is not None:
-            query.reply(snapshot_key(robot.name, VIEW), snapshot, attachment=robot.stamp())
-
-    robot.publisher = session.declare_publisher(
-        frame_key(robot.name, VIEW),
-        congestion_control=zenoh.CongestionControl.DROP,
-        priority=zenoh.Priority.REAL_TIME,
-    )
-    group.robots.append(robot)
-    return [
-        session.declare_queryable(snapshot_key(robot.name, VIEW), answer),
-        session.liveliness().declare_token(alive_key(robot.name)),
-    ]
-
-
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--relay", required=True)
@@ -118,7 +119,10 @@ def main() -> None:
     asked = parser.parse_args()
     groups = [Group(number) for number in range(GROUPS)]
     session = open_session(asked.relay)
-    kept = [join(session, Robot(f"fleet-{n}"), groups[n % GROUPS]) for n in range(asked.robots)]
+    for n in range(asked.robots):
+        group = groups[n % GROUPS]
+        group.robots.append(FleetRobot(session, f"fleet-{n}", group.snapshot))
+        group.robots[-1].announce()
     period_s = 1 / asked.hz / GROUPS
     began_s = due_s = told_s = time.monotonic()
     frames = late = 0
@@ -130,12 +134,11 @@ def main() -> None:
             due_s = max(due_s + period_s, now_s)
             frame = group.frame(now_s - began_s, now_s)
             for robot in group.robots:
-                assert robot.publisher is not None
-                robot.publisher.put(frame, attachment=robot.stamp())
+                robot.put(frame)
             frames += len(group.robots)
         if due_s - told_s >= 1:
             told_s = due_s
-            print(json.dumps({"robots": len(kept), "frames": frames, "late": late}), flush=True)
+            print(json.dumps({"robots": asked.robots, "frames": frames, "late": late}), flush=True)
 
 
 if __name__ == "__main__":

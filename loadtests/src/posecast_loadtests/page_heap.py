@@ -14,9 +14,8 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from typing import Any, NamedTuple, TextIO
-
-from posecast_loadtests.stage import ends_with
+from pathlib import Path
+from typing import Any, NamedTuple
 
 _ANSWER_S = 60.0  # a collection can take long on a busy machine
 _COLLECTIONS = 5  # the page runs on between collection and reading, so take the least of several
@@ -146,7 +145,7 @@ class Page:
 
 
 @contextmanager
-def page(executable: str, url: str, profile: str, log: TextIO) -> Iterator[Page]:
+def page(executable: str, url: str, profile: str, folder: Path) -> Iterator[Page]:
     """Open `url` in a new Chromium, which ends with the block. Raises PageError if that fails."""
     with ExitStack() as stack:
         its_orders, orders = _pipe()
@@ -155,13 +154,16 @@ def page(executable: str, url: str, profile: str, log: TextIO) -> Iterator[Page]
             stack.callback(os.close, end)
         # Chromium reads commands from descriptor 3 and writes responses to 4
         shell = f'exec "$0" "$@" 3<&{its_orders} 4>&{its_answers}'
-        process = subprocess.Popen(
-            ["bash", "-c", shell, executable, *_ARGUMENTS, f"--user-data-dir={profile}", url],
-            stdin=subprocess.DEVNULL, stdout=log, stderr=log, pass_fds=(its_orders, its_answers),
+        log = stack.enter_context((folder / "chromium.log").open("w"))
+        process = stack.enter_context(
+            subprocess.Popen(
+                ["bash", "-c", shell, executable, *_ARGUMENTS, f"--user-data-dir={profile}", url],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, pass_fds=(its_orders, its_answers),
+            )
         )  # fmt: skip
         os.close(its_orders)
         os.close(its_answers)
-        ends_with(stack, process)
+        stack.callback(process.terminate)
         opened = Page(orders, answers)
         opened.attach(url)
         yield opened

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from posecast_loadtests.results.tally import LoadLimits
+from posecast_loadtests.results import LoadLimits
 
 
 @dataclass(frozen=True)

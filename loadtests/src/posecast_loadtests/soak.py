@@ -12,18 +12,20 @@ import argparse
 import json
 import os
 import platform
+import re
 import shutil
+import socket
 import sys
 import time
-from collections.abc import Callable
+import urllib.request
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from subprocess import Popen, TimeoutExpired
 from tempfile import TemporaryDirectory
-from typing import TextIO
+from typing import NamedTuple
 
-from posecast_testing import free_port
+from posecast_testing import free_port, until
 
 from posecast_loadtests.endurance import (
     BROKEN,
@@ -38,11 +40,12 @@ from posecast_loadtests.endurance import (
     table,
 )
 from posecast_loadtests.page_heap import Page, PageError, page
-from posecast_loadtests.results.tally import LoadLimits, Tally, breaches
+from posecast_loadtests.results import LoadLimits, Tally, breaches
 from posecast_loadtests.scenarios import SOAK
-from posecast_loadtests.stage import OwnRelay, ends_on_term, ends_with, own_relay, started
-from posecast_loadtests.vitals import figures, gauge, redis_mb, vitals
+from posecast_loadtests.stage import OwnRelay, ends_on_term, own_relay, started
 
+_PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+_ANSWER_S = 10.0
 READINGS = 360  # per run, at most one a second
 WARM = 6  # everything is warm after a sixth of the run
 HEAP_READINGS = 60  # roughly
@@ -56,6 +59,55 @@ HEAP = "page heap"
 FAILED = "readings without an answer"
 # reasons why viewers left; how often Redis was lost
 TOLD = ("posecast_endings_total{", "posecast_store_losses_total ")
+
+
+class Vitals(NamedTuple):
+    """The resources of one process at one time."""
+
+    rss_mb: float  # resident, 10⁶ bytes
+    descriptors: int
+    threads: int
+
+
+def vitals(pid: int) -> Vitals:
+    """Read a process. Raises FileNotFoundError or ProcessLookupError if it is gone."""
+    at = Path(f"/proc/{pid}")
+    pages = int((at / "statm").read_text().split()[1])
+    threads = len(os.listdir(at / "task"))
+    return Vitals(pages * _PAGE_BYTES / 1e6, len(os.listdir(at / "fd")), threads)
+
+
+def redis_mb(port: int) -> float:
+    """Read how much Redis has allocated (`used_memory`). Raises OSError or ValueError if it does not
+    answer."""
+    with socket.create_connection(("127.0.0.1", port), _ANSWER_S) as link:
+        link.sendall(b"INFO memory\r\n")
+        heard = b""
+        while b"maxmemory:" not in heard:
+            more = link.recv(65536)
+            if not more:
+                break
+            heard += more
+    found = re.search(rb"^used_memory:(\d+)", heard, re.MULTILINE)
+    if found is None:
+        raise ValueError("redis: no used_memory in its answer to INFO memory")
+    return int(found[1]) / 1e6
+
+
+def gauge(metrics: str, name: str) -> float:
+    """Read one value of a relay's metrics. Raises OSError or ValueError if it is missing."""
+    found = figures(metrics, f"{name} ")
+    if not found:
+        raise ValueError(f"{metrics}: no {name}")
+    return next(iter(found.values()))
+
+
+def figures(metrics: str, *beginnings: str) -> dict[str, float]:
+    """Read all metrics whose lines begin so, with their labels. Raises OSError if there is no answer."""
+    with urllib.request.urlopen(metrics, timeout=_ANSWER_S) as answer:
+        lines = answer.read().decode().splitlines()
+    found = (line.rpartition(" ") for line in lines if line.startswith(beginnings))
+    return {name: float(value) for name, _, value in found}
 
 
 def options() -> argparse.Namespace:
@@ -98,19 +150,10 @@ class Record:
         return [point for point in self.series.get(name, []) if point.at_s >= from_s]
 
 
-def wait(what: str, holds: Callable[[], bool], limit_s: float) -> None:
-    """Wait until `holds` is true. Raises SystemExit with one line if that exceeds the limit."""
-    end_s = time.monotonic() + limit_s
-    while not holds():
-        if time.monotonic() > end_s:
-            sys.exit(f"soak: timed out after {limit_s:g} s: {what}")
-        time.sleep(0.1)
-
-
-def redis(stack: ExitStack, log: TextIO, port: int) -> None:
+def redis(stack: ExitStack, folder: Path, port: int) -> None:
     """Start Redis without persistence."""
     started(
-        stack, log, "redis-server", *("--port", str(port), "--bind", "127.0.0.1"),
+        stack, folder, "redis", "redis-server", *("--port", str(port), "--bind", "127.0.0.1"),
         *("--save", "", "--appendonly", "no", "--logfile", "/dev/null"),
     )  # fmt: skip
 
@@ -119,10 +162,10 @@ def redis(stack: ExitStack, log: TextIO, port: int) -> None:
             return redis_mb(port) > 0
         return False
 
-    wait("redis-server answers", answers, 20)
+    until("redis-server answers", answers)
 
 
-def viewers(asked: argparse.Namespace, log: TextIO, host: str, counts: Path) -> Popen[bytes]:
+def viewers(asked: argparse.Namespace, stack: ExitStack, host: str, counts: Path) -> Popen[bytes]:
     """Start Locust for the length of the soak."""
     command = [
         *(sys.executable, "-m", "locust", "-f", str(Path(__file__).with_name("scenario_file.py"))),
@@ -130,18 +173,13 @@ def viewers(asked: argparse.Namespace, log: TextIO, host: str, counts: Path) -> 
         *("--stretch", str(asked.minutes / FULL_MINUTES), "--viewers", str(asked.viewers)),
         *("--counts", str(counts)),
     ]
-    return Popen(command, stdout=log, stderr=log)
-
-
-def look_live(shown: Page) -> None:
-    """Raise SystemExit if the page does not say LIVE."""
-    wait("the page says LIVE", lambda: "LIVE" in shown.text(), LIVE_S)
+    return started(stack, asked.out, "locust", *command).process
 
 
 def look_whole(shown: Page) -> None:
-    """Raise SystemExit if the page does not show the robot."""
-    wait("the page shows the robot", lambda: shown.view() != "", LIVE_S)
-    look_live(shown)
+    """Raise AssertionError if the page does not show the robot, or does not say LIVE."""
+    until("the page shows the robot", lambda: shown.view() != "", LIVE_S)
+    until("the page says LIVE", lambda: "LIVE" in shown.text(), LIVE_S)
 
 
 class Readers:
@@ -159,7 +197,7 @@ class Readers:
         Raises SystemExit if a process has ended, OSError or ValueError if one does not answer in time.
         """
         note = self._record.note
-        for name, process in (("relay", self._own.relay), ("edge", self._own.edge)):
+        for name, process in (("relay", self._own.relay.process), ("edge", self._own.edge.process)):
             if process.poll() is not None:
                 sys.exit(f"soak: the {name} has ended with {process.returncode}")
             rss_mb, descriptors, threads = vitals(process.pid)
@@ -203,17 +241,17 @@ def watch(
             process.wait(max(1.0, seconds / READINGS))
 
 
-def soak(asked: argparse.Namespace, log: TextIO, chromium: str | None) -> tuple[Record, Tally]:
+def soak(asked: argparse.Namespace, chromium: str | None) -> tuple[Record, Tally]:
     """Run the whole test. `chromium`: the program; None: no page."""
     record, metrics_port, redis_port = Record(), free_port(), free_port()
     counts: Path = asked.out / "counts.json"
     counts.unlink(missing_ok=True)
     with ExitStack() as stack:
-        redis(stack, log, redis_port)
+        redis(stack, asked.out, redis_port)
         flags = ["--store", f"redis://127.0.0.1:{redis_port}/0", "--metrics-port", str(metrics_port)]
         if chromium is not None:
             flags += ["--static", str(asked.static)]
-        own = own_relay(stack, log, *flags)
+        own = own_relay(stack, asked.out, *flags)
         readers = Readers(record, own, f"http://127.0.0.1:{metrics_port}/metrics", redis_port)
         readers.read(BEFORE)
         with ExitStack() as load:
@@ -221,13 +259,12 @@ def soak(asked: argparse.Namespace, log: TextIO, chromium: str | None) -> tuple[
             if chromium is not None:
                 profile = load.enter_context(TemporaryDirectory(prefix="posecast-soak-"))
                 address = own.address.viewers.replace("ws://", "http://") + "/#/r/demo"
-                shown = load.enter_context(page(chromium, address, profile, log))
+                shown = load.enter_context(page(chromium, address, profile, asked.out))
                 look_whole(shown)
-            process = viewers(asked, log, own.address.viewers, counts)
-            ends_with(load, process)
+            process = viewers(asked, load, own.address.viewers, counts)
             watch(record, readers, process, shown, asked.minutes * 60)
         if process.returncode or not counts.exists():
-            sys.exit(f"soak: Locust ended with {process.returncode}, see {log.name}")
+            sys.exit(f"soak: Locust ended with {process.returncode}, see {asked.out}")
         readers.read_at_rest()
         record.told = figures(f"http://127.0.0.1:{metrics_port}/metrics", *TOLD)
     return record, Tally.sum([json.loads(counts.read_text())])
@@ -257,10 +294,9 @@ def main() -> int:
     chromium = None if asked.no_page else shutil.which("chromium")
     no_page = "" if chromium else "not asked for" if asked.no_page else "no chromium here"
     try:
-        with (asked.out / "soak.log").open("w") as log:
-            record, tally = soak(asked, log, chromium)
-    except PageError as e:
-        sys.exit(f"soak: {e}, see {asked.out}/soak.log")
+        record, tally = soak(asked, chromium)
+    except (AssertionError, PageError) as e:
+        sys.exit(f"soak: {e}, see {asked.out}")
     findings = judge(record, asked.minutes, no_page)
     # a busy machine may be late and lower rates, but must never break the other limits
     never = breaches(replace(tally, lowered=0), LoadLimits(missed_share=1.0, p99_ms=float("inf"), jain=0.0))

@@ -10,13 +10,12 @@ from typing import Any
 
 from locust import User, events, task
 from locust.env import Environment
+from websockets.frames import Opcode
 
-from posecast_loadtests.connection import Connection
-from posecast_loadtests.results.check import Clock, Viewer
-from posecast_loadtests.results.tally import Tally
-from posecast_loadtests.results.verdict import tally
-from posecast_loadtests.rfc6455 import Opcode, ProtocolError
+from posecast_loadtests.connection import Connection, ProtocolError
+from posecast_loadtests.results import Clock, Tally, Viewer
 from posecast_loadtests.scenarios import SCENARIOS, SOAK, Scenario, Stage
+from posecast_loadtests.verdict import tally
 
 # every tenth frame of a viewer goes into Locust's table; every fiftieth viewer decodes fully
 _REPORTED = 10

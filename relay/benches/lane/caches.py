@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import re
 import shutil
-import socket
-import subprocess
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import IO
 
 from posecast_testing import free_port
 
 from relay.benches.build import ROOT
-from relay.benches.servers import CannotStart, end, start_on
+from relay.benches.servers import CannotStart, Place, start_on, wait_port
 
 START_LIMIT_S = 20.0
 HOSTING = ROOT / "infra" / "hosting"
@@ -64,29 +60,19 @@ class CacheNode:
     origin_host: str
 
 
-def wait_open(port: int, child: subprocess.Popen[bytes]) -> None:
-    """Until it takes connections. CannotStart when it ends or takes none."""
-    end_s = time.monotonic() + START_LIMIT_S
-    while time.monotonic() < end_s and child.poll() is None:
-        with suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
-            return
-        time.sleep(0.05)
-    raise CannotStart(f"{child.args!r} did not start, see server.log")
-
-
 @contextmanager
-def start_nginx(origin: str, core: int, log: IO[bytes]) -> Iterator[CacheNode]:
+def start_nginx(origin: str, place: Place) -> Iterator[CacheNode]:
     """nginx before `origin` (host:port). CannotStart."""
     with _make_folder() as folder:
         port, file = free_port(), folder / "nginx.conf"
         file.write_text(NGINX.format(folder=folder, origin=origin, port=port, rules=RULES))
-        with _started(core, [_find("nginx"), "-c", str(file), "-e", "stderr"], log) as child:
-            wait_open(port, child)
-            yield CacheNode("nginx", port, child.pid, origin.partition(":")[0])
+        command = [_find("nginx"), "-c", str(file), "-e", "stderr"]
+        with _started(place, port, command) as pid:
+            yield CacheNode("nginx", port, pid, origin.partition(":")[0])
 
 
 @contextmanager
-def start_varnish(origin: str, core: int, log: IO[bytes]) -> Iterator[CacheNode]:
+def start_varnish(origin: str, place: Place) -> Iterator[CacheNode]:
     """Varnish before `origin` (host:port). CannotStart."""
     host, _, origin_port = origin.partition(":")
     with _make_folder() as folder:
@@ -95,9 +81,8 @@ def start_varnish(origin: str, core: int, log: IO[bytes]) -> Iterator[CacheNode]
         file.write_text(re.sub(r'\.port = "[^"]*"', f'.port = "{origin_port}"', text))
         command = [_find("varnishd"), "-F", "-n", str(folder / "varnish"), "-f", str(file), "-T", "none"]
         command += ["-a", f"127.0.0.1:{port}", "-s", "malloc,128m", "-p", "timeout_idle=75"]
-        with _started(core, command, log) as child:
-            wait_open(port, child)
-            yield CacheNode("Varnish", port, child.pid, host)
+        with _started(place, port, command) as pid:
+            yield CacheNode("Varnish", port, pid, host)
 
 
 CACHES = {"nginx": start_nginx, "Varnish": start_varnish}
@@ -120,12 +105,11 @@ def _find(program: str) -> str:
 
 
 @contextmanager
-def _started(core: int, command: list[str], log: IO[bytes]) -> Iterator[subprocess.Popen[bytes]]:
-    child = start_on(core, command, log)
+def _started(place: Place, port: int, command: list[str]) -> Iterator[int]:
+    """Its process, once it takes connections. CannotStart."""
+    child = start_on(place, place.other_core, Path(command[0]).name, *command)
     try:
-        yield child
+        wait_port(port)
+        yield child.process.pid
     finally:
-        child.terminate()  # so that its workers end, too
-        with suppress(subprocess.TimeoutExpired):
-            child.wait(5)
-        end(child)
+        child.stop()  # so that its workers end, too

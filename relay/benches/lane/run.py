@@ -1,7 +1,7 @@
 """The lane under load: segments through nginx and Varnish to 100, 1,000 and 5,000 viewers each (`make lane`).
 
 One sitting: both nodes stand before one origin and are read at the same time. The relay has one core; the
-robot, the nodes and the viewers (relay/benches/lane_viewers.c) share another. In each round: the origin
+robot, the nodes and the viewers (relay/benches/viewers.c) share another. In each round: the origin
 alone, then each crowd; afterwards each crowd through a pause of the robot and a new run. Says on stderr what
 it is at. Exit status 0: all goals were reached; 1: one was missed, as happens on a busy machine; 2: it could
 not run. Writes out/lane/lane.json; `--write` also the tables and plots of docs/reference/benchmarks.md, and
@@ -32,7 +32,6 @@ from relay.benches.lane.measure import (
     measure_steady,
     measure_trouble,
 )
-from relay.benches.lane.page import PAGE, fill
 from relay.benches.lane.robot import read_feed
 from relay.benches.lane.stage import LaneStage, Row, set_stage
 from relay.benches.lane.table import (
@@ -49,6 +48,7 @@ from relay.benches.lane.table import (
 from relay.benches.servers import CannotStart, Place
 from relay.benches.stamps import make_stamps
 from tools import bars, scaling
+from tools.pages import fill
 
 OUT = ROOT / "out" / "lane"
 MEASURED = Path(__file__).with_name("measured.json")
@@ -161,7 +161,7 @@ def main() -> int:
     loads = f"{about['load_average_before']:.1f} before, {about['load_average_after']:.1f} after"
     print(f"\nload average {loads}; {about['took_s']} s; feed: {about['feed']}")
     if asked.write:
-        PAGE.write_text(fill(PAGE.read_text(), blocks))
+        bars.PAGE.write_text(fill(bars.PAGE.read_text(), blocks, bars.PAGE.name))
         bars.draw()
         MEASURED.write_text(json.dumps(sum_up(rows, about), indent=1) + "\n")
         scaling.write(ROOT / "docs")

@@ -19,7 +19,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from relay.benches.lane.page import PAGE, fill, markdown
+from tools.bars import PAGE
+from tools.pages import fill, table
 
 Seconds = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -320,10 +321,10 @@ def main() -> int:
     for number, (name, held_max, robots) in enumerate(CASES, 1):
         print(f"{number}/{len(CASES)}: {name}", file=sys.stderr, flush=True)
         rows.append(make_row(name, simulate(robots, asked.nodes, asked.viewers, held_max=held_max)))
-    table = markdown(HEAD, rows)
-    print(f"{table}\n\n{time.monotonic() - began:.0f} s")
+    made = table(HEAD, rows)
+    print(f"{made}\n\n{time.monotonic() - began:.0f} s")
     if asked.write:
-        PAGE.write_text(fill(PAGE.read_text(), {"lane-simulation": table}))
+        PAGE.write_text(fill(PAGE.read_text(), {"lane-simulation": made}, PAGE.name))
     return 0
 
 

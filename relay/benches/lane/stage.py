@@ -6,22 +6,23 @@ import json
 import signal
 import subprocess
 import sys
-import time
 import urllib.request
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
+
+from posecast_testing import until
 
 from relay.benches.lane.caches import CACHES, CacheNode
-from relay.benches.servers import CannotStart, Place, end, start_on, wait_line
+from relay.benches.servers import CannotStart, Place, hear, start_on, started
 
 ROBOT = "bench"
 JOIN_S = 4.0
 ANSWER_S = 30.0
 
-Row = dict[str, Any]  # what `lane_viewers` prints
+Row = dict[str, Any]  # what `viewers --mode lane` prints
 
 
 def read_cpu_s(pid: int) -> float:
@@ -39,33 +40,31 @@ def read_cpu_s(pid: int) -> float:
 class RobotProcess:
     """The robot, which can pause, and come back as another run."""
 
-    def __init__(self, endpoint: str, place: Place, log: IO[bytes]) -> None:
+    def __init__(self, endpoint: str, place: Place) -> None:
         self._command = [sys.executable, "-m", "relay.benches.lane.robot", "--relay", endpoint]
         self._command += ["--robot", ROBOT, "--stamps", str(place.stamps)]
-        self._core = place.other_core
-        self._log = log
-        self._child = self._start()
+        self._place = place
+        self._start()
 
-    def _start(self) -> subprocess.Popen[bytes]:
-        child = start_on(self._core, self._command, self._log)
-        wait_line(child, "READY\n")
-        return child
+    def _start(self) -> None:
+        self._child = start_on(self._place, self._place.other_core, "robot", *self._command)
+        hear(self._child, "^READY$")
 
     def pause(self) -> None:
         """Send nothing from now on, but stay."""
-        self._child.send_signal(signal.SIGUSR1)
+        self._child.process.send_signal(signal.SIGUSR1)
 
     def go_on(self) -> None:
         """Send again."""
-        self._child.send_signal(signal.SIGUSR2)
+        self._child.process.send_signal(signal.SIGUSR2)
 
     def restart(self) -> None:
         """End without a word, and begin a new run."""
         self.end()
-        self._child = self._start()
+        self._start()
 
     def end(self) -> None:
-        end(self._child)
+        self._child.kill()
 
 
 @dataclass(frozen=True)
@@ -84,43 +83,45 @@ def set_stage(place: Place, caches: list[str]) -> Iterator[LaneStage]:
     """Start all of it; the past has begun when this returns. CannotStart."""
     requests = place.out / "requests"
     requests.unlink(missing_ok=True)
-    with open(place.out / "server.log", "ab") as log, ExitStack() as stack:
+    with ExitStack() as stack:
         command = [sys.executable, "-m", "relay.benches.lane.origin", str(requests), "run", "--dev"]
         command += ["--host", "0.0.0.0", "--port", "0", "--zenoh-listen", "tcp/127.0.0.1:0"]
-        relay = start_on(place.server_core, [*command, "--past", "memory:"], log)
-        stack.callback(end, relay)
-        said = wait_line(relay, r"serving http://[^ ]*:(\d+), robots on (\S+)\s")
+        command += ["--past", "memory:"]
+        relay = stack.enter_context(started(place, place.server_core, "origin", *command))
+        said = hear(relay, r"serving http://[^ ]*:(\d+), robots on (\S+)\s")
         port = int(said[1])
-        robot = RobotProcess(said[2], place, log)
+        robot = RobotProcess(said[2], place)
         stack.callback(robot.end)
         nodes = [
             # each asks at an address of its own, by which the origin knows it
-            stack.enter_context(CACHES[name](f"127.0.0.{n}:{port}", place.other_core, log))
+            stack.enter_context(CACHES[name](f"127.0.0.{n}:{port}", place))
             for n, name in enumerate(caches, 2)
         ]
         wait_past(port)
-        yield LaneStage(relay.pid, port, robot, tuple(nodes), requests)
+        yield LaneStage(relay.process.pid, port, robot, tuple(nodes), requests)
 
 
 def wait_past(port: int) -> None:
     """Until there is a segment. CannotStart."""
-    end_s = time.monotonic() + ANSWER_S
-    while time.monotonic() < end_s:
-        with suppress(OSError):
-            address = f"http://127.0.0.1:{port}/api/v1/robots/{ROBOT}/past?view=public"
-            with urllib.request.urlopen(address, timeout=2) as answer:
-                if json.load(answer)["newest"]:
-                    return
-        time.sleep(0.2)
-    raise CannotStart(f"no segment within {ANSWER_S:.0f} s, see server.log")
+
+    def has_segment() -> bool:
+        address = f"http://127.0.0.1:{port}/api/v1/robots/{ROBOT}/past?view=public"
+        with suppress(OSError), urllib.request.urlopen(address, timeout=2) as answer:
+            return bool(json.load(answer)["newest"])
+        return False
+
+    try:
+        until("there is a segment", has_segment, ANSWER_S)
+    except AssertionError as e:
+        raise CannotStart(str(e)) from None
 
 
 class Crowd:
     """So many viewers that read through one node."""
 
     def __init__(self, place: Place, node: CacheNode, viewers: int) -> None:
-        command = [str(place.binaries["lane_viewers"]), "--port", str(node.port), "--robot", ROBOT]
-        command += ["--viewers", str(viewers), "--join", str(JOIN_S)]
+        command = [str(place.binaries["viewers"]), "--mode", "lane", "--port", str(node.port)]
+        command += ["--robot", ROBOT, "--viewers", str(viewers), "--join", str(JOIN_S)]
         pipe = subprocess.PIPE
         self.node = node
         self._child = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)

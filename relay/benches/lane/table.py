@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 
 from relay.benches.lane.measure import HELD_S, LanePlan
-from relay.benches.lane.page import markdown
 from relay.benches.lane.robot import KEY_INTERVAL_S
 from relay.benches.lane.stage import Row
 from relay.benches.table import Goal, spread
+from tools.pages import table
 
 REQUESTS_GOAL, CPU_GOAL, BYTES_GOAL = 1.02, 1.25, 0.65
 BEHIND_S = 0.7  # more than a KEY interval
@@ -90,7 +90,7 @@ def make_steady(rows: Sequence[Row]) -> str:
                     f"{max(row['age_ms']['max'] for row in mine) / 1e3:.2f} s",
                 ]
             )
-    return markdown(STEADY, lines)
+    return table(STEADY, lines)
 
 
 TROUBLE = ["viewers per cache", "cache", "event", "new segments", "origin requests for them"]
@@ -115,7 +115,7 @@ def make_trouble(rows: Sequence[Row]) -> str:
                     f"{row['least']}",
                 ]
             )
-    return markdown(TROUBLE, lines)
+    return table(TROUBLE, lines)
 
 
 def make_bytes(rows: Sequence[Row]) -> str:
@@ -128,7 +128,7 @@ def make_bytes(rows: Sequence[Row]) -> str:
         lines.append([name, *figures, f"**{row['bytes_s']:,.0f}**", f"{ratio:.2f}"])
     head = ["at 30 Hz", "frames or segments", "status or HTTP headers", "TLS, TCP and IP"]
     drawn = "<!-- bars: ../img/lane-bytes.svg | Traffic to one viewer at 30 Hz | bytes a second | B/s -->"
-    return f"{drawn}\n\n{markdown([*head, 'bytes a second', '÷ WebSocket'], lines)}"
+    return f"{drawn}\n\n{table([*head, 'bytes a second', '÷ WebSocket'], lines)}"
 
 
 def find_goals(rows: Sequence[Row]) -> list[Goal]:
@@ -183,4 +183,4 @@ def make_goals(goals: Sequence[Goal]) -> str:
         ]
         for (name, limit), mine in found.items()
     ]
-    return markdown(["goal, within one run", "limit", "median (least–most)", "result"], lines)
+    return table(["goal, within one run", "limit", "median (least–most)", "result"], lines)

@@ -1,7 +1,5 @@
 /** The frame's header, which is the only part of a frame that a relay reads. */
 
-import { fnv1a32 } from './fnv.ts';
-
 export const WIRE_VERSION = 1;
 export const KEY_HEADER_BYTES = 17;
 export const HEADER_BYTES = 9;
@@ -54,4 +52,11 @@ export function parseHeader(frame: Uint8Array): Header {
 /** The id by which later frames name this KEY: FNV-1a-32 of the whole message. */
 export function frameId(frame: Uint8Array): number {
   return fnv1a32(frame);
+}
+
+/** FNV-1a, 32 bits (RFC 9923): names a schema by its text and a base by its bytes. */
+export function fnv1a32(data: Uint8Array): number {
+  let h = 0x811c9dc5;
+  for (let i = 0; i < data.length; i++) h = Math.imul(h ^ data[i]!, 0x01000193);
+  return h >>> 0;
 }

@@ -4,11 +4,11 @@ export { SchemaError } from './checked.ts';
 export { Close, ENDINGS, type Ending, type Retry, retryOf } from './closes.ts';
 export { Decoder, Frame } from './decoder.ts';
 export { Encoder } from './encoder.ts';
-export { fnv1a32 } from './fnv.ts';
 export {
   BadFrame,
   BaseUnknown,
   FrameError,
+  fnv1a32,
   frameId,
   type Header,
   parseHeader,

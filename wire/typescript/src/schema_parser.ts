@@ -1,7 +1,7 @@
 /** Reads schemas. Apart from them, since a page shows schemas that its worker has read. */
 
 import { entries, fail, items, member, number, parseJson, table, text, texts } from './checked.ts';
-import { fnv1a32 } from './fnv.ts';
+import { fnv1a32 } from './frame.ts';
 import {
   Field,
   type JointMap,

@@ -1,7 +1,7 @@
 /** What is around a header and records: a magic number, a version, lengths, and checksums. */
 
 import { ByteReader } from './byte_reader.ts';
-import { crc32 } from './crc32.ts';
+import { ByteWriter } from './byte_writer.ts';
 import {
   CRC_BYTES,
   HEADER_BYTES_MAX,
@@ -59,4 +59,36 @@ function checkRecords(data: Uint8Array, view: DataView, at: number, end: number)
   if (crc32(data.subarray(at, end)) !== view.getUint32(end + 5, true))
     refuse(`byte ${end}`, 'records: damaged');
   return view.getUint32(end + 1, true);
+}
+
+/** Puts around a header and records what `openEnvelope` checks. */
+export function packEnvelope(
+  kind: EnvelopeKind,
+  header: Uint8Array,
+  records: Uint8Array,
+  count: number,
+): Uint8Array {
+  const all = new ByteWriter();
+  all.bytes(Uint8Array.from([...kind.magic, kind.version]));
+  all.u32(header.length);
+  all.bytes(header);
+  all.u32(crc32(all.data));
+  all.bytes(records);
+  all.byte(0);
+  all.u32(count);
+  all.u32(crc32(records));
+  return all.data.slice();
+}
+
+const TABLE = Uint32Array.from({ length: 256 }, (_, n) => {
+  let c = n;
+  for (let bit = 0; bit < 8; bit++) c = c & 1 ? (c >>> 1) ^ 0xedb88320 : c >>> 1;
+  return c;
+});
+
+/** CRC-32 as in PNG and zlib (ISO 3309). It catches damage, not intent. */
+function crc32(data: Uint8Array): number {
+  let c = 0xffffffff;
+  for (let i = 0; i < data.length; i++) c = TABLE[(c ^ data[i]!) & 0xff]! ^ (c >>> 8);
+  return ~c >>> 0;
 }

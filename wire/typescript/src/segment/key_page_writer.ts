@@ -1,7 +1,7 @@
 /** Writes pages of KEYs (SPEC §11). Apart from what reads them, since a page that only looks back needs none of it. */
 
 import { ByteWriter, hashOf } from './byte_writer.ts';
-import { packEnvelope } from './envelope_writer.ts';
+import { packEnvelope } from './envelope.ts';
 import {
   checkFrames,
   FROM_MS_MAX,

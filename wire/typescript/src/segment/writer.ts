@@ -1,7 +1,7 @@
 /** Writes whole segments, with the same bytes as Python. */
 
 import { ByteWriter, hashOf, utf8Of } from './byte_writer.ts';
-import { packEnvelope } from './envelope_writer.ts';
+import { packEnvelope } from './envelope.ts';
 import { FrameChain } from './frame_chain.ts';
 import {
   DURATION_MS_MAX,

@@ -1,6 +1,6 @@
 """The locustfile of a hall: viewers that try a socket, and use the lane if the relay is full.
 
-locust -f loadtests/src/posecast_loadtests/hall/hall_file.py --headless -u 100 -r 50 -H ws://127.0.0.1:8080
+locust -f loadtests/src/posecast_loadtests/hall_file.py --headless -u 100 -r 50 -H ws://127.0.0.1:8080
     --counts FILE
 
 FILE receives the counts so far, twice a second.
@@ -19,13 +19,11 @@ from urllib.parse import urljoin
 import gevent
 from locust import User, events, task
 from locust.env import Environment
+from websockets.frames import Opcode
 
-from posecast_loadtests.connection import Connection
-from posecast_loadtests.hall.hall_counts import HallCounts, HallViewer
-from posecast_loadtests.hall.lane_reader import LaneReader
-from posecast_loadtests.results.check import Clock, Viewer
-from posecast_loadtests.results.tally import Tally
-from posecast_loadtests.rfc6455 import Opcode, ProtocolError
+from posecast_loadtests.connection import Connection, ProtocolError
+from posecast_loadtests.hall import HallCounts, HallViewer, LaneReader
+from posecast_loadtests.results import Clock, Tally, Viewer
 
 FULL, MOVED = 1013, 1012
 HZ, SOURCE_HZ = 10, 30

@@ -26,7 +26,7 @@ from locust.runners import (
     WorkerRunner,
 )
 
-from posecast_loadtests.results.tally import LoadLimits, Tally, breaches, report
+from posecast_loadtests.results import LoadLimits, Tally, breaches, report
 
 END, COUNTS = "posecast-end", "posecast-counts"  # messages: to a worker, and its response
 END_S = 30.0  # how long a worker may take to end its users and respond

@@ -1,1 +1,0 @@
-"""How long the sentences of the documentation are, and how easy it is to read."""
