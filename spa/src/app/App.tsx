@@ -10,8 +10,7 @@ import { useThemeOnRoot } from './shell/theme.ts';
 import { useHash } from './state/hash.ts';
 import type { RobotLink } from './state/robot_link.ts';
 import { parseRoute } from './state/route.ts';
-import { useText } from './text/language.ts';
-import { useMore } from './text/more.ts';
+import { useMore, useText } from './text/language.ts';
 
 // Loaded on demand: a visitor who opens a robot needs no list.
 const RobotList = late(async () => (await import('./pages/list/RobotList.tsx')).RobotList, onDemand);

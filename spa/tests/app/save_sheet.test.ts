@@ -4,7 +4,6 @@ import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, describe, expect, it, vi } from 'vitest';
 import { bytesWords } from '../../src/app/past/save/Outcome.tsx';
 import { SaveSheet } from '../../src/app/past/save/SaveSheet.tsx';
-import { saveEn } from '../../src/app/past/save/save_en.ts';
 import {
   choicesOf,
   customSpan,
@@ -13,6 +12,7 @@ import {
   offerOf,
   spanOf,
 } from '../../src/app/past/save/span_choice.ts';
+import { saveEn } from '../../src/app/text/late_en.ts';
 import { PastError } from '../../src/past/past_source.ts';
 import type { Playhead } from '../../src/past/past_types.ts';
 import { FakePast, timelineOf } from '../rigs/past_fake.ts';

@@ -2,7 +2,7 @@ import { displayOf, formatNumber } from '../../twin/format.ts';
 import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { toggleTrace, useTraces } from '../state/traces.ts';
-import { useBalanceText } from '../text/balance.ts';
+import { useBalanceText } from '../text/late.ts';
 import { VALUES, writeValues } from './balance_traces.ts';
 import { balanceOf } from './balance_watch.ts';
 

@@ -5,8 +5,8 @@ import { useNow } from '../shell/now.ts';
 import { useShownSecond } from '../state/moment.ts';
 import { type RobotLink, useWord } from '../state/robot_link.ts';
 import { useSettings } from '../state/settings.ts';
-import { type BalanceText, balanceText, useBalanceText } from '../text/balance.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
+import { type BalanceText, balanceText, useBalanceText } from '../text/late.ts';
 import { balanceOf } from './balance_watch.ts';
 
 /** The sentence about a stance; it says if the stance is assumed. `was`: the pose is from the past or out of date. '' if nothing

@@ -6,7 +6,7 @@ import type { History } from '../../twin/plots/history.ts';
 import type { DerivedTraces, Trace, TraceReading } from '../../twin/plots/trace.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import type { RobotLink } from '../state/robot_link.ts';
-import { type BalanceText, balanceText } from '../text/balance.ts';
+import { type BalanceText, balanceText } from '../text/late.ts';
 import { type BalanceWatch, balanceOf } from './balance_watch.ts';
 
 /** A balance number that can be listed and plotted. */

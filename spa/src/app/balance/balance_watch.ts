@@ -9,7 +9,7 @@ import type { LeadState, RobotTwin } from '../../twin/robot.ts';
 import { noteComputed } from '../state/own_alarms.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
-import { balanceText } from '../text/balance.ts';
+import { balanceText } from '../text/late.ts';
 
 /** The minimum interval between computations, however many frames arrive. */
 const EVERY_MS = 95;

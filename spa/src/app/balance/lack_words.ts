@@ -1,6 +1,6 @@
 import type { Lack } from '../../twin/balance/lacks.ts';
 import { isolated } from '../../twin/names.ts';
-import type { BalanceText } from '../text/balance.ts';
+import type { BalanceText } from '../text/late.ts';
 
 const WHY = {
   raw: 'rawModel',

@@ -2,8 +2,7 @@ import { fillSentence } from '../../twin/alarms/sentence.ts';
 import { flagWords } from '../../twin/format.ts';
 import { isolated, wordsOfName } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
-import { languageTag } from '../text/language.ts';
-import { more } from '../text/more.ts';
+import { languageTag, more } from '../text/language.ts';
 import { type Catalogue, type Explained, explainedBy, explainedSection } from './catalogue.ts';
 import { flagSentence } from './flag_sentence.ts';
 

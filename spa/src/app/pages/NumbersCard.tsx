@@ -10,7 +10,7 @@ import { useFaults } from '../state/fault_keeper.ts';
 import { type RobotLink, useVersion, useWord } from '../state/robot_link.ts';
 import { robotHref } from '../state/route.ts';
 import { useSettings } from '../state/settings.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 
 const MOST_VALUES = 12;
 const MOST_FAULTS = 4;

@@ -17,8 +17,7 @@ import { useCameraControls } from '../robot/use_camera_controls.ts';
 import { BackIcon, IconButton, SettingsIcon } from '../shell/icons.tsx';
 import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
 import { robotHref } from '../state/route.ts';
-import { useText } from '../text/language.ts';
-import { useMore } from '../text/more.ts';
+import { useMore, useText } from '../text/language.ts';
 import { NumbersCard } from './NumbersCard.tsx';
 
 /** A rectangle, CSS px from the picture's upper left corner. */

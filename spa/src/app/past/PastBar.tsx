@@ -10,8 +10,7 @@ import { usePageKeys } from '../shell/page_keys.ts';
 import { useFaults } from '../state/fault_keeper.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useStore } from '../state/use_store.ts';
-import { useMore } from '../text/more.ts';
-import { usePastText } from '../text/past.ts';
+import { usePastText } from '../text/late.ts';
 import { faultSentence } from '../words/fault_sentence.ts';
 import type { OfferedFile } from './save/OfferedFiles.tsx';
 import { momentSheet } from './time_line/jump/moment_sheet.ts';
@@ -73,7 +72,6 @@ export function PastBar(props: {
 /** Says that a new fault occurred while the past is shown, with a link to it. */
 function LiveNews({ live, controls }: { live: RobotLink; controls: PastControls }) {
   useNow(1000);
-  useMore(); // loads the words of the sentence
   const text = usePastText();
   const [seen, setSeen] = useState<ReadonlySet<string> | null>(null);
   const faults = (useFaults(live.faults) ?? []).filter(

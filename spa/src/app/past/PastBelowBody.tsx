@@ -3,7 +3,7 @@ import type { PastSource } from '../../past/past_source.ts';
 import { late, onDemand } from '../shell/late.tsx';
 import { usePresenting } from '../state/presenting.ts';
 import type { RobotLink } from '../state/robot_link.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 import type { Past } from './past_link.ts';
 import './no_past.css';
 

@@ -18,9 +18,7 @@ import { type RobotLink, useConnection, useIsOld, useVersion, useWord } from '..
 import { robotHref } from '../state/route.ts';
 import { selectJoint, useSelectedJoint } from '../state/selection.ts';
 import { useSettings } from '../state/settings.ts';
-import { languageTag } from '../text/language.ts';
-import { useMore } from '../text/more.ts';
-import { usePresentText } from '../text/present.ts';
+import { languageTag, useMore } from '../text/language.ts';
 import { faultSentence } from '../words/fault_sentence.ts';
 import { chipWords, stageWords } from '../words/status.ts';
 
@@ -29,8 +27,7 @@ const MOST = 3;
 /** The unacknowledged faults, each as a sentence; if there are many, the first ones and the number of the others. */
 function OpenFaultSentences({ link }: { link: RobotLink }) {
   useNow(500); // updates how long they have lasted
-  useMore(); // loads the words of the sentences
-  const text = usePresentText();
+  const text = useMore();
   const open = (useFaults(link.faults) ?? []).filter(({ acknowledged }) => !acknowledged);
   return (
     <ul className="present-faults" data-testid="present-faults">
@@ -101,7 +98,7 @@ function ChosenJoint({ link }: { link: RobotLink }) {
  *  show (`isolated`); `note`: the note about this moment. */
 export function Presentation(props: { link: RobotLink; name: string; note?: ReactNode }) {
   const { link, name, note } = props;
-  const text = usePresentText();
+  const text = useMore();
   useVersion(link);
   useZoom();
   usePageKeys(() => ({ close: () => present(false) }));

@@ -5,7 +5,7 @@ import { useLatePart } from '../shell/late.tsx';
 import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { changeSettings } from '../state/settings.ts';
-import { useBalanceText } from '../text/balance.ts';
+import { useBalanceText } from '../text/late.ts';
 import { Switch } from './Switch.tsx';
 
 /** The interval between checks for data that is not available yet. */

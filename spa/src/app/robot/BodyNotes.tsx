@@ -6,7 +6,7 @@ import { LostReadings } from '../../twin/sensors/last_readings.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { useNow } from '../shell/now.ts';
 import type { RobotLink } from '../state/robot_link.ts';
-import { more, useMore } from '../text/more.ts';
+import { more, useMore } from '../text/language.ts';
 import type { ViewTrouble } from './use_body_view.ts';
 import '../shell/styles/findings.css';
 

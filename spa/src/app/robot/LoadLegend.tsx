@@ -3,9 +3,8 @@ import { displayOf, formatNumber } from '../../twin/format.ts';
 import type { LoadScale } from '../../twin/sensors/load.ts';
 import { useNow } from '../shell/now.ts';
 import { useSettings } from '../state/settings.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 import type { OverlayLink } from './overlay_link.ts';
-import '../shell/styles/signs.css';
 
 /** The legend of the load colours of one or several robots; empty while they are off. */
 export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {

@@ -6,7 +6,7 @@ import { usePopover } from '../shell/popover.ts';
 import { SettingChoice } from '../shell/SettingChoice.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { changeSettings, type Settings, useSettings } from '../state/settings.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 import { BalanceEntry } from './BalanceEntry.tsx';
 import { Switch } from './Switch.tsx';
 

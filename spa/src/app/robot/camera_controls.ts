@@ -2,8 +2,7 @@ import type { BodyView } from '../../scene/figure/body_view.ts';
 import { onTaps } from '../../scene/figure/taps.ts';
 import { addPageKeys, type KeyHandlers } from '../shell/page_keys.ts';
 import { onSettings, settings } from '../state/settings.ts';
-import { onLanguage } from '../text/language.ts';
-import { more } from '../text/more.ts';
+import { more, onLanguage } from '../text/language.ts';
 
 /** How far one key press turns, moves and zooms the camera. */
 const TURN_RAD = Math.PI / 24;

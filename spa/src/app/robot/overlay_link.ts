@@ -9,8 +9,7 @@ import { BALANCE } from '../balance/BalanceParts.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
 import { onSelection, selection } from '../state/selection.ts';
 import { onSettings, settings } from '../state/settings.ts';
-import { languageTag, onLanguage } from '../text/language.ts';
-import { more } from '../text/more.ts';
+import { languageTag, more, onLanguage } from '../text/language.ts';
 import type { More } from '../text/more_en.ts';
 
 /** A running connection between the readings of a robot and the overlay of its body. */

@@ -7,8 +7,8 @@ import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../../tw
 import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import { dropOwnLimits, setOwnLimit } from '../state/limit_edits.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
-import { useBalanceText } from '../text/balance.ts';
-import { more, useMore } from '../text/more.ts';
+import { more, useMore } from '../text/language.ts';
+import { useBalanceText } from '../text/late.ts';
 
 /** How often the mark at the present value is moved. */
 const LIVE_EVERY_MS = 250;

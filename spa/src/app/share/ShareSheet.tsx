@@ -6,9 +6,7 @@ import { Dialog } from '../shell/Dialog.tsx';
 import { withKey } from '../shell/page_keys.ts';
 import { present } from '../state/presenting.ts';
 import './share.css';
-import { useText } from '../text/language.ts';
-import { useMore } from '../text/more.ts';
-import { usePresentText } from '../text/present.ts';
+import { useMore, useText } from '../text/language.ts';
 import { QrCode } from './QrCode.tsx';
 
 /** How often the dialog reads the address, which follows the camera. */
@@ -31,7 +29,6 @@ export function ShareSheet({
   const rest = useMore();
   const named = usePathOf(recorded ? null : robot);
   const [at, setAt] = useState(window.location.href);
-  const { present: word, presentWhat } = usePresentText();
   useEffect(() => {
     const timer = setInterval(() => setAt(window.location.href), SETTLE_MS);
     return () => clearInterval(timer);
@@ -50,16 +47,16 @@ export function ShareSheet({
       <button
         type="button"
         className="text-button share-native"
-        title={withKey(word, 'present')}
+        title={withKey(rest.present, 'present')}
         data-testid="present"
         onClick={() => {
           onClose();
           present(true);
         }}
       >
-        {word}
+        {rest.present}
       </button>
-      <p className="quiet share-what">{presentWhat}</p>
+      <p className="quiet share-what">{rest.presentWhat}</p>
       <Command what={rest.asYouSeeIt(name)} line={link} />
       {'share' in navigator && (
         <button

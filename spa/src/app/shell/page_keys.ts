@@ -13,7 +13,7 @@ interface PageKey {
   /** Whether it goes on while the key is held. */
   readonly repeats?: true;
   /** Its description. Keys with the same one are listed together. */
-  readonly says: keyof More | 'keyPresent';
+  readonly says: keyof More;
 }
 
 const ARROWS = ['ArrowLeft', 'ArrowRight', 'ArrowUp', 'ArrowDown'] as const;

@@ -1,12 +1,7 @@
 import type { Text } from './en.ts';
 
-export { accountKo } from './account_ko.ts';
-export { balanceKo } from './balance/balance_ko.ts';
-export { momentsKo } from './moments/moments_ko.ts';
+export * from './late_ko.ts';
 export { moreKo } from './more_ko.ts';
-export { pastKo } from './past/past_ko.ts';
-export { presentKo } from './present_ko.ts';
-export { recordingKo } from './recording/recording_ko.ts';
 
 /** The Korean sentences of `en.ts`. */
 export const ko: Text = {

@@ -1,9 +1,37 @@
-import { listEn } from './list_en.ts';
-
 /** The English sentences of the parts that are loaded on demand, the robot list among them. Those needed at the start are
  *  in `en.ts`. */
 export const moreEn = {
-  ...listEn,
+  // ---- the list of robots
+  onAir: 'On air',
+  wasOnAir: 'Off air',
+  noRelay: 'No connection to the relay. Trying again.',
+  askingRelay: 'Asking the relay which robots are on air.',
+  sideBySide: 'View side by side',
+  chooseSome: 'Choose two to six robots.',
+  showSideBySide: (count: number) => `Show ${count} side by side`,
+  cancel: 'Cancel',
+  viewers: (count: number) => `${count} ${count === 1 ? 'viewer' : 'viewers'}`,
+  yourOwn: 'Your own robot or recording',
+  dropHere:
+    'Or drop a folder or zip with a URDF, or a recording, anywhere on this page. Nothing is uploaded.',
+  chooseFolder: 'Choose a folder',
+  chooseZip: 'Choose a zip or a recording',
+  nobodyOnAir: 'No robot is on air. Run one command beside a robot to put it here.',
+  askOperator: 'Ask whoever runs this relay for PORT and FILE.',
+  onThatComputer: "Run these on the relay's computer.",
+  agentAlone: 'If only the agent is installed, type posecast-edge instead of posecast.',
+  demoRobot: 'The demo robot',
+  yours: 'Your robot: one JSON object per line',
+  copy: 'Copy',
+  copied: 'Copied',
+
+  // ---- presenting
+  present: 'Present',
+  presentWhat: 'For a projector: only the robot, with large text. Press Esc to leave.',
+  keyPresent: 'present: for a projector',
+  leavePresenting: 'Stop presenting (Esc)',
+  ended: 'ended',
+  moreFaults: (count: number) => (count === 1 ? 'and one more fault' : `and ${count} more faults`),
 
   // ---- a link to a moment, where there is no past
   noPast: 'The moment in this link can’t be shown here. This is live.',

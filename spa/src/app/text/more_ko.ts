@@ -2,6 +2,13 @@ import type { More } from './more_en.ts';
 
 /** The Korean sentences of `more_en.ts`. */
 export const moreKo: More = {
+  present: '발표하기',
+  presentWhat: '프로젝터용: 로봇만 큰 글자로 보여 줍니다. Esc 키로 나갑니다.',
+  keyPresent: '발표하기: 프로젝터용',
+  leavePresenting: '발표 끝내기 (Esc)',
+  ended: '끝남',
+  moreFaults: (count) => `그 밖의 고장 ${count}건`,
+
   noPast: '이 링크의 순간은 여기에서 볼 수 없어, 실시간을 보여 줍니다.',
   noMoment: '이 링크의 순간을 읽을 수 없어, 실시간을 보여 줍니다.',
   notCome: (asked) => `${asked}: 미래의 순간이어서, 실시간을 보여 줍니다.`,

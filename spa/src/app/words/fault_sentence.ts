@@ -5,8 +5,7 @@ import { isolated, wordsOfName } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { flagSentence } from '../explain/flag_sentence.ts';
 import { settings } from '../state/settings.ts';
-import { languageTag } from '../text/language.ts';
-import { more } from '../text/more.ts';
+import { languageTag, more } from '../text/language.ts';
 
 /** Faults that belong to no joint or sensor, in any language. */
 const PART_REPORTED = '{joint}: {word}';

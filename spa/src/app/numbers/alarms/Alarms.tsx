@@ -5,8 +5,7 @@ import { isolated, plainName } from '../../../twin/names.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
 import { onOwnAlarms, ownAlarms } from '../../state/own_alarms.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
-import { languageTag } from '../../text/language.ts';
-import { useMore } from '../../text/more.ts';
+import { languageTag, useMore } from '../../text/language.ts';
 import { edgeWords } from '../../words/fault.ts';
 import { OpenFaults, When } from './OpenFaults.tsx';
 

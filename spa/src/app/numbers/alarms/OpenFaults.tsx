@@ -8,8 +8,7 @@ import { useNow } from '../../shell/now.ts';
 import { pastControls } from '../../state/moment.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { useStore } from '../../state/use_store.ts';
-import { useText } from '../../text/language.ts';
-import { more, useMore } from '../../text/more.ts';
+import { more, useMore, useText } from '../../text/language.ts';
 import { faultSentence, timesWords } from '../../words/fault_sentence.ts';
 
 /** Playback starts this long before a fault, to show what led up to it. */

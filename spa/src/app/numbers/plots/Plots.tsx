@@ -7,8 +7,7 @@ import { useTheme } from '../../shell/theme.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';
 import { clearTraces, removeTrace, useTraces } from '../../state/traces.ts';
-import { say } from '../../text/language.ts';
-import { useMore } from '../../text/more.ts';
+import { say, useMore } from '../../text/language.ts';
 import { PlotStack } from './plot_stack.ts';
 
 /** Plots are redrawn this often even without new frames, because the time axis moves. */

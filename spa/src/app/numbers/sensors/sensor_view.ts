@@ -7,7 +7,7 @@ import { createElement, DataAttribute, setPressed, TextCell } from '../../shell/
 import { NumberGrid } from '../../shell/number_grid.ts';
 import { settings } from '../../state/settings.ts';
 import { isPlotted, toggleTrace } from '../../state/traces.ts';
-import { more } from '../../text/more.ts';
+import { more } from '../../text/language.ts';
 
 /** The age is shown for readings lost longer than this. */
 const OLD_MS = 1500;

@@ -9,7 +9,7 @@ import { Poser } from '../../../twin/playback/pose.ts';
 import { useNow } from '../../shell/now.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';
-import { type BalanceText, useBalanceText } from '../../text/balance.ts';
+import { type BalanceText, useBalanceText } from '../../text/late.ts';
 
 /** Numbers that change faster can't be read. */
 const EVERY_MS = 250;

@@ -12,7 +12,7 @@ import { NumberGrid } from '../../shell/number_grid.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { settings } from '../../state/settings.ts';
 import { isPlotted, toggleTrace } from '../../state/traces.ts';
-import { more } from '../../text/more.ts';
+import { more } from '../../text/language.ts';
 
 /** The quantities of a joint, each with its name and an explanation for newcomers. */
 const QUANTITIES = [

@@ -10,7 +10,7 @@ import { useThemeOnRoot } from '../../shell/theme.ts';
 import { useHash } from '../../state/hash.ts';
 import { type RobotLink, useRobotLink } from '../../state/robot_link.ts';
 import { parseRoute } from '../../state/route.ts';
-import { useMore } from '../../text/more.ts';
+import { useMore } from '../../text/language.ts';
 import { Framed } from './Framed.tsx';
 import './embed.css';
 

@@ -7,7 +7,7 @@ import { showLink } from '../../shell/debug_api.ts';
 import { late } from '../../shell/late.tsx';
 import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
-import { useMore } from '../../text/more.ts';
+import { useMore } from '../../text/language.ts';
 import { connectParent } from './parent.ts';
 
 const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);

@@ -14,9 +14,8 @@ import { BackIcon, IconButton } from '../../shell/icons.tsx';
 import { useLatePart } from '../../shell/late.tsx';
 import { useTheme } from '../../shell/theme.ts';
 import { changeSettings, useSettings } from '../../state/settings.ts';
-import { useBalanceText } from '../../text/balance.ts';
-import { say, useText } from '../../text/language.ts';
-import { useMore } from '../../text/more.ts';
+import { say, useMore, useText } from '../../text/language.ts';
+import { useBalanceText } from '../../text/late.ts';
 import { chooseUrdf, closeLocal } from './local.ts';
 import './local.css';
 

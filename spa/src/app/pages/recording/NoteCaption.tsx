@@ -2,8 +2,8 @@ import './notes.css';
 import { useEffect, useLayoutEffect, useRef, useState } from 'react';
 import type { PastControls } from '../../../past/past_types.ts';
 import type { Note } from '../../../past/recording/recording_index.ts';
+import { useRecordingText } from '../../text/late.ts';
 import { noteWords } from './notes.ts';
-import { useRecordingText } from './recording_text.ts';
 import { useDueNote } from './use_due_note.ts';
 
 /** The notes under the pointer, or else the note of the shown moment, in one or two lines. A longer note ends in `…`; a press

@@ -1,7 +1,7 @@
 import type { Note } from '../../../past/recording/recording_index.ts';
 import type { View } from '../../past/time_line/track_view.ts';
+import { useRecordingText } from '../../text/late.ts';
 import { noteMarks, noteWords } from './notes.ts';
-import { useRecordingText } from './recording_text.ts';
 import { recordedWords } from './recording_words.ts';
 
 /** The notes of a recording, in a row under its time line. Each is a button: hovering shows the note, pressing goes to its

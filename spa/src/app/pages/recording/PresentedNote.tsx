@@ -1,8 +1,8 @@
 import './notes.css';
 import type { PastControls } from '../../../past/past_types.ts';
 import type { Note } from '../../../past/recording/recording_index.ts';
+import { useRecordingText } from '../../text/late.ts';
 import { noteWords } from './notes.ts';
-import { useRecordingText } from './recording_text.ts';
 import { useDueNote } from './use_due_note.ts';
 
 /** Notes longer than this many letters use a smaller font. */

@@ -5,10 +5,10 @@ import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import { PastBar } from '../../past/PastBar.tsx';
 import type { OfferedFile } from '../../past/save/OfferedFiles.tsx';
+import { useRecordingText } from '../../text/late.ts';
 import { NoteCaption } from './NoteCaption.tsx';
 import { NoteMarks } from './NoteMarks.tsx';
 import { useLost } from './recording_link.ts';
-import { useRecordingText } from './recording_text.ts';
 import { lostWords } from './recording_words.ts';
 
 /** Shown below the body of a recording: the missing parts, the note of the moment, and the time line. */

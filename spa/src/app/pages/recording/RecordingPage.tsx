@@ -7,13 +7,13 @@ import { BackIcon, Icon, IconButton } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
 import { usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
+import { useRecordingText } from '../../text/late.ts';
 import { OneRobot } from '../RobotPage.tsx';
 import { AboutRecording } from './AboutRecording.tsx';
 import type { OpenedRecording } from './opened_recording.ts';
 import { PresentedNote } from './PresentedNote.tsx';
 import { RecordingBar } from './RecordingBar.tsx';
 import { type PlayedRecording, useRecording } from './recording_link.ts';
-import { useRecordingText } from './recording_text.ts';
 import { unreadableWords } from './recording_words.ts';
 import { useFetched } from './use_fetched.ts';
 

@@ -1,8 +1,8 @@
 import type { Span } from '../../../past/past_types.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
+import { useSaveText } from '../../text/late.ts';
+import type { saveEn } from '../../text/late_en.ts';
 import { dayWords } from '../../words/moment.ts';
-import type { saveEn } from './save_en.ts';
-import { useSaveText } from './save_text.ts';
 import type { Failure, Measured, Saving } from './use_saving.ts';
 
 const UNITS = ['kB', 'MB', 'GB'] as const;

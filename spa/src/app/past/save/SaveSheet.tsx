@@ -5,9 +5,9 @@ import type { PastControls } from '../../../past/past_types.ts';
 import type { SaveFormat } from '../../../past/save/save_ports.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
 import { useText } from '../../text/language.ts';
+import { useSaveText } from '../../text/late.ts';
 import { type OfferedFile, OfferedFiles } from './OfferedFiles.tsx';
 import { MeasureLine, Outcome, Progress } from './Outcome.tsx';
-import { useSaveText } from './save_text.ts';
 import type { ManifestUrl } from './saved_models.ts';
 import {
   choicesOf,

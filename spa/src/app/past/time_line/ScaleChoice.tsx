@@ -1,7 +1,6 @@
 import './scale.css';
 import type { PastControls } from '../../../past/past_types.ts';
-import { useMomentsText } from '../../text/moments.ts';
-import { usePastText } from '../../text/past.ts';
+import { useMomentsText, usePastText } from '../../text/late.ts';
 import { spanWords } from '../../words/moment.ts';
 import { ALL, chosenScale, scalesOf, stepScale } from './scales.ts';
 

@@ -14,9 +14,8 @@ import { useNow } from '../../shell/now.ts';
 import { withKey } from '../../shell/page_keys.ts';
 import { useSettings } from '../../state/settings.ts';
 import { useStore } from '../../state/use_store.ts';
-import { languageTag } from '../../text/language.ts';
-import { more, useMore } from '../../text/more.ts';
-import { usePastText } from '../../text/past.ts';
+import { languageTag, more } from '../../text/language.ts';
+import { usePastText } from '../../text/late.ts';
 import { dayWords, notKeptWords } from '../../words/moment.ts';
 import { listenToGestures } from './gestures.ts';
 import { momentSheet } from './jump/moment_sheet.ts';
@@ -157,7 +156,6 @@ function Line(props: {
     return () => observer.disconnect();
   }, [open]);
 
-  useMore(); // loads the words of the notes
   const { note } = playhead;
   return (
     <section

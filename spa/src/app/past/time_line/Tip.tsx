@@ -2,7 +2,7 @@ import './tip.css';
 import type { Playhead, Timeline } from '../../../past/past_types.ts';
 import { flagWords } from '../../../twin/format.ts';
 import { isolated } from '../../../twin/names.ts';
-import { pastText } from '../../text/past.ts';
+import { pastText } from '../../text/late.ts';
 import { markNear, marksNear } from './marks.ts';
 import { whenWords } from './spoken.ts';
 import { contains, type Hover, msAt, msPerPx, TIME_PX, type View } from './track_view.ts';

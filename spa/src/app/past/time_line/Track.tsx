@@ -3,7 +3,7 @@ import type { PastControls, Playhead, Span, Timeline } from '../../../past/past_
 import { formatClockSeconds } from '../../../twin/format.ts';
 import { usePageKeys } from '../../shell/page_keys.ts';
 import { useStore } from '../../state/use_store.ts';
-import { usePastText } from '../../text/past.ts';
+import { usePastText } from '../../text/late.ts';
 import { hundredthsWords } from '../../words/moment.ts';
 import { loopStart } from './loop_start.ts';
 import { lineKeys } from './past_keys.ts';

@@ -6,9 +6,8 @@ import { flagWords, formatClockSeconds, formatSpan } from '../../../../twin/form
 import { isolated, wordsOfName } from '../../../../twin/names.ts';
 import type { RobotTwin } from '../../../../twin/robot.ts';
 import { flagSentence } from '../../../explain/flag_sentence.ts';
-import { languageTag } from '../../../text/language.ts';
-import { useMomentsText } from '../../../text/moments.ts';
-import { type More, useMore } from '../../../text/more.ts';
+import { languageTag, type More, useMore } from '../../../text/language.ts';
+import { useMomentsText } from '../../../text/late.ts';
 import { dayWords } from '../../../words/moment.ts';
 import { INCIDENTS_MAX, type Incident, listIncidents, newestHole } from './incident_list.ts';
 

@@ -6,7 +6,7 @@ import { formatClock, formatClockSeconds } from '../../../../twin/format.ts';
 import type { RobotTwin } from '../../../../twin/robot.ts';
 import { Dialog } from '../../../shell/Dialog.tsx';
 import { languageTag } from '../../../text/language.ts';
-import { useMomentsText } from '../../../text/moments.ts';
+import { useMomentsText } from '../../../text/late.ts';
 import { dayWords } from '../../../words/moment.ts';
 import { Incidents } from '../incidents/Incidents.tsx';
 import { momentSheet } from './moment_sheet.ts';
