@@ -1,7 +1,6 @@
 import { parseSchema, type Schema, type Threshold } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { lackWords } from '../../src/app/balance/lack_words.ts';
-import { briefWords, stanceWords } from '../../src/app/balance/Stood.tsx';
+import { briefWords, lackWords, stanceWords } from '../../src/app/balance/BalanceView.tsx';
 import { balanceEn } from '../../src/app/text/late_en.ts';
 import { balanceKo } from '../../src/app/text/late_ko.ts';
 import { BalanceReader } from '../../src/model/balance/balance_reader.ts';

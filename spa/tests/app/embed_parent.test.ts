@@ -1,10 +1,9 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { connectParent } from '../../src/app/pages/embed/parent.ts';
 import { showScene } from '../../src/app/shell/debug_api.ts';
-import { pastControls } from '../../src/app/state/moment.ts';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
-import { selection, selectJoint } from '../../src/app/state/selection.ts';
 import { settings } from '../../src/app/state/settings.ts';
+import { pastControls, selection, selectJoint } from '../../src/app/state/viewing.ts';
 import type { PastControls } from '../../src/past/past_types.ts';
 import type { BodyView } from '../../src/scene/figure/body_view.ts';
 

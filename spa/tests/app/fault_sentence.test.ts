@@ -1,7 +1,6 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterEach, expect, it, vi } from 'vitest';
-import { flagSentence } from '../../src/app/explain/flag_sentence.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
 import { bindLanguage, korean } from '../../src/app/text/language.ts';
 import { faultSentence, timesWords } from '../../src/app/words/fault_sentence.ts';
@@ -108,7 +107,7 @@ it('speaks the language of the page, or English', async () => {
   await bindLanguage();
   await vi.waitFor(() => expect(korean()).not.toBeNull());
   expect(told(500).said).toBe('오른쪽 무릎: 막힘. 0.40 rad 벗어남.');
-  expect(flagSentence(twin, 'RKN', 'pwmSaturated')).toBeNull();
+  expect(sentenceOf(twin.schema, 'RKN', 'pwmSaturated', 'ko')).toBeNull();
   look(600, {});
   expect(told(700).said).toBe('지난 고장 — 오른쪽 무릎: 막힘.');
   changeSettings({ language: 'en' });

@@ -1,10 +1,14 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
-import { filterText, setFilter } from '../../src/app/numbers/table/filter.ts';
-import { JointView, type TableSources } from '../../src/app/numbers/table/joint_view.ts';
-import { selection, selectJoint } from '../../src/app/state/selection.ts';
+import {
+  filterText,
+  JointView,
+  setFilter,
+  type TableSources,
+} from '../../src/app/numbers/table/joint_view.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
+import { selection, selectJoint } from '../../src/app/state/viewing.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { LastReadings } from '../../src/twin/sensors/last_readings.ts';
 import { codesWith, SCHEMA } from '../rigs/schema.ts';

@@ -2,8 +2,8 @@
 import { createElement } from 'react';
 import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, describe, expect, it, vi } from 'vitest';
-import { MomentSheet } from '../../src/app/past/time_line/jump/MomentSheet.tsx';
-import { momentSheet } from '../../src/app/past/time_line/jump/moment_sheet.ts';
+import { MomentSheet } from '../../src/app/past/jump/MomentSheet.tsx';
+import { momentSheet } from '../../src/app/past/time_line/line.ts';
 import type { PastEvent } from '../../src/past/past_types.ts';
 import { nowMs } from '../../src/stream/clock.ts';
 import type { RobotTwin } from '../../src/twin/robot.ts';

@@ -4,14 +4,13 @@ import { createElement, useState } from 'react';
 import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
 import { Panel, type Tab } from '../../src/app/numbers/Panel.tsx';
-import { setFilter } from '../../src/app/numbers/table/filter.ts';
+import { setFilter } from '../../src/app/numbers/table/joint_view.ts';
 import { FaultKeeper } from '../../src/app/state/fault_keeper.ts';
-import { HistoryKeeper } from '../../src/app/state/history_keeper.ts';
-import { setOwnLimit } from '../../src/app/state/limit_edits.ts';
+import { setOwnLimit } from '../../src/app/state/limits.ts';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
-import { selection, selectJoint } from '../../src/app/state/selection.ts';
+import { HistoryKeeper } from '../../src/app/state/robot_link.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
-import { clearTraces, traces } from '../../src/app/state/traces.ts';
+import { clearTraces, selection, selectJoint, traces } from '../../src/app/state/viewing.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { codesWith, SCHEMA } from '../rigs/schema.ts';
 

@@ -1,7 +1,6 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, describe, expect, it } from 'vitest';
-import { loopStart } from '../../src/app/past/time_line/loop_start.ts';
-import { lineKeys, pastKeys } from '../../src/app/past/time_line/past_keys.ts';
+import { lineKeys, loopStart, pastKeys } from '../../src/app/past/time_line/line.ts';
 import { addPageKeys } from '../../src/app/shell/page_keys.ts';
 import { FakePast } from '../rigs/past_fake.ts';
 

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { beforeEach, describe, expect, it } from 'vitest';
-import { SensorView } from '../../src/app/numbers/sensors/sensor_view.ts';
+import { SensorView } from '../../src/app/numbers/sensors/Sensors.tsx';
 import { JointView } from '../../src/app/numbers/table/joint_view.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';

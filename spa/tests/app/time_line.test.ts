@@ -2,8 +2,7 @@
 import { createElement } from 'react';
 import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
-import { momentSheet } from '../../src/app/past/time_line/jump/moment_sheet.ts';
-import { pastKeys } from '../../src/app/past/time_line/past_keys.ts';
+import { momentSheet, pastKeys } from '../../src/app/past/time_line/line.ts';
 import { TimeLine } from '../../src/app/past/time_line/TimeLine.tsx';
 import { addPageKeys, usePageKeys } from '../../src/app/shell/page_keys.ts';
 import { nowMs } from '../../src/stream/clock.ts';

@@ -6,8 +6,18 @@ import { usePageKeys } from '../shell/page_keys.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { useMore } from '../text/language.ts';
 import { useBalanceText, usePastText } from '../text/late.ts';
-import { type Asked, explain, explainFlags, keysOfLabel, placeOf } from './asked.ts';
-import { type Catalogue, type Explained, explainedBy, SECTIONS, useCatalogue } from './catalogue.ts';
+import {
+  type Asked,
+  type Catalogue,
+  type Explained,
+  explain,
+  explainedBy,
+  explainFlags,
+  keysOfLabel,
+  placeOf,
+  SECTIONS,
+  useCatalogue,
+} from './catalogue.ts';
 import { pressedLabel } from './pressed_sign.ts';
 
 const WIDTH_PX = 320;

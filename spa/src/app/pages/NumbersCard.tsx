@@ -3,7 +3,7 @@ import { displayOf, formatNumber } from '../../twin/format.ts';
 import { isolated } from '../../twin/names.ts';
 import { arrangeTraces } from '../../twin/plots/choice.ts';
 import { type TraceReading, traceReading } from '../../twin/plots/trace.ts';
-import { OpenFaults } from '../numbers/alarms/OpenFaults.tsx';
+import { OpenFaults } from '../numbers/alarms/Alarms.tsx';
 import { Chip } from '../robot/Chip.tsx';
 import { refreshWith } from '../shell/refresh.ts';
 import { useFaults } from '../state/fault_keeper.ts';

@@ -13,11 +13,9 @@ import { nowMs } from '../../stream/clock.ts';
 import { isClaim, type Recorded } from '../../twin/liveness.ts';
 import { type LeadState, RobotTwin } from '../../twin/robot.ts';
 import { FaultKeeper } from '../state/fault_keeper.ts';
-import { HistoryKeeper } from '../state/history_keeper.ts';
-import { momentIn, pastControls, shownMoment } from '../state/moment.ts';
 import { forgetOwnAlarms } from '../state/own_alarms.ts';
-import type { RobotLink } from '../state/robot_link.ts';
-import { isHeard } from './heard.ts';
+import { HistoryKeeper, isHeard, type RobotLink } from '../state/robot_link.ts';
+import { momentIn, pastControls, shownMoment } from '../state/viewing.ts';
 import { PastWatch } from './past_watch.ts';
 
 /** A robot's past on the page: the controls, and a link to the past robot, from which everything can be drawn. */

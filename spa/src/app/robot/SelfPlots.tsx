@@ -1,5 +1,4 @@
 import '../numbers/plots/plots.css';
-import './self_plots.css';
 import { useEffect, useRef, useState } from 'react';
 import { arrangeTraces, TRACES_A_PAGE } from '../../twin/plots/choice.ts';
 import type { Trace } from '../../twin/plots/trace.ts';

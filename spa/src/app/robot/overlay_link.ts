@@ -7,8 +7,8 @@ import type { RobotTwin } from '../../twin/robot.ts';
 import type { LoadScale } from '../../twin/sensors/load.ts';
 import { BALANCE } from '../balance/BalanceParts.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
-import { onSelection, selection } from '../state/selection.ts';
 import { onSettings, settings } from '../state/settings.ts';
+import { onSelection, selection } from '../state/viewing.ts';
 import { languageTag, more, onLanguage } from '../text/language.ts';
 import type { More } from '../text/more_en.ts';
 

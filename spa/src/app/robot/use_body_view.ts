@@ -1,13 +1,22 @@
 import { type RefObject, useEffect, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
+import { answers, untilRetry } from '../../browser/retry.ts';
+import type { ModelReport } from '../../model/report.ts';
 import type { DrawingTrouble } from '../../scene/figure/adaptive_quality.ts';
-import type { RowView } from '../../scene/figure/body_view.ts';
+import type { BodyView, RowView } from '../../scene/figure/body_view.ts';
 import { isolated } from '../../twin/names.ts';
+import type { RobotTwin } from '../../twin/robot.ts';
 import { showScene } from '../shell/debug_api.ts';
+import { startWhenLoaded } from '../shell/late.tsx';
 import { type PageTheme, useTheme } from '../shell/theme.ts';
 import { changeSettings, type Settings, settings, useSettings } from '../state/settings.ts';
 import { say } from '../text/language.ts';
-import { loadThree } from './load_three.ts';
+
+/** Loads the 3D view, a separate chunk. Rejects if it can't be loaded. The label styles come with the code that draws labels,
+ *  `overlay/overlay_link.ts`. */
+export function loadThree() {
+  return import('../../scene/three/index.ts');
+}
 
 const THREE = new LatePart(loadThree, () => false); // loaded at once if the browser has 3D
 const LIGHT_VIEW = new LatePart(() => import('../../scene/canvas2d/view.ts'));
@@ -171,4 +180,56 @@ export function hasWebGl(): boolean {
   } catch {
     return false;
   }
+}
+
+/** Loads the model at `url` with `load` and reports the result. If something failed to load for a temporary reason, it is loaded
+ *  again, but only once its server answers, because loading removes what is shown. Returns a function that stops this; nothing is
+ *  reported after that. */
+export function keepLoading(
+  url: string,
+  load: () => Promise<ModelReport>,
+  report: (result: ModelReport) => void,
+): () => void {
+  let left = false;
+  const keepTrying = async () => {
+    for (let failures = 1; ; ) {
+      const result = await load();
+      if (left) return;
+      report(result);
+      if (result.passing !== true) return;
+      do {
+        await untilRetry(failures);
+        failures += 1;
+      } while (!left && !(await answers(url)));
+      if (left) return;
+    }
+  };
+  void keepTrying();
+  return () => {
+    left = true;
+  };
+}
+
+const CONTROLS = new LatePart(() => import('./camera_controls.ts'));
+
+/** Attaches camera keys, double taps and insets while a body is shown; with a twin, also joint selection by tap.
+ *  Their code is loaded with the body. */
+export function useCameraControls(
+  host: RefObject<HTMLElement | null>,
+  view: BodyView | null,
+  twin: RobotTwin | null = null,
+): void {
+  useEffect(() => {
+    const element = host.current;
+    if (view === null || element === null) return;
+    return startWhenLoaded(
+      CONTROLS.load().then(({ attachCameraControls, bindInsets, bindSelection }) => () => {
+        const ends = [attachCameraControls(element, view), bindInsets(element, view)];
+        if (twin !== null) ends.push(bindSelection(element, view, twin));
+        return () => {
+          for (const end of ends) end();
+        };
+      }),
+    );
+  }, [host, view, twin]);
 }

@@ -1,6 +1,6 @@
 import { Dialog } from '../shell/Dialog.tsx';
 import { type KeyAction, PAGE_KEYS, signOf } from '../shell/page_keys.ts';
-import { pastControls } from '../state/moment.ts';
+import { pastControls } from '../state/viewing.ts';
 import { useMore } from '../text/language.ts';
 
 /** A dialog with all keyboard shortcuts. */

@@ -1,7 +1,7 @@
 import { type FormEvent, useEffect, useState, useSyncExternalStore } from 'react';
 import { accountName, onAccountName } from '../../relay/account_name.ts';
 import { Dialog } from '../shell/Dialog.tsx';
-import './account.css';
+import '../shell/styles/dialog.css';
 import { accountText, useAccountText } from '../text/late.ts';
 
 /** The button for signing in or out, with its dialog. `refused`: the relay refused this page; if somebody is signed in,

@@ -4,8 +4,8 @@ import { tokenFor } from '../../relay/token.ts';
 import { Command } from '../shell/Command.tsx';
 import { Dialog } from '../shell/Dialog.tsx';
 import { withKey } from '../shell/page_keys.ts';
-import { present } from '../state/presenting.ts';
-import './share.css';
+import { present } from '../state/viewing.ts';
+import '../shell/styles/dialog.css';
 import { useMore, useText } from '../text/language.ts';
 import { QrCode } from './QrCode.tsx';
 

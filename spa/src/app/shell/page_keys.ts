@@ -1,4 +1,4 @@
-import { type RefObject, useEffect, useRef } from 'react';
+import { type RefObject, useEffect, useRef, useState } from 'react';
 import { settings } from '../state/settings.ts';
 import type { More } from '../text/more_en.ts';
 
@@ -204,4 +204,24 @@ function keyOf({ key, code, shiftKey }: KeyboardEvent): string {
   if (/^[ -~]$/.test(key)) return key.toLowerCase();
   const [, letter] = /^(?:Key|Digit)(.)$/.exec(code) ?? [];
   return letter?.toLowerCase() ?? SIGNS[code]?.[Number(shiftKey)] ?? key;
+}
+
+/** The state of a popover. While it is open, Escape or a press outside the element `around` closes it. */
+export function usePopover<T extends HTMLElement>(): {
+  open: boolean;
+  setOpen: (open: boolean) => void;
+  around: RefObject<T | null>;
+} {
+  const [open, setOpen] = useState(false);
+  const around = useRef<T>(null);
+  useEffect(() => {
+    if (!open) return;
+    const leave = ({ target }: Event) => {
+      if (!around.current?.contains(target as Node)) setOpen(false);
+    };
+    window.addEventListener('pointerdown', leave);
+    return () => window.removeEventListener('pointerdown', leave);
+  }, [open]);
+  usePageKeys(open ? () => ({ close: () => setOpen(false) }) : null, around);
+  return { open, setOpen, around };
 }

@@ -6,7 +6,7 @@ import { refreshWith } from '../../shell/refresh.ts';
 import { useTheme } from '../../shell/theme.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';
-import { clearTraces, removeTrace, useTraces } from '../../state/traces.ts';
+import { clearTraces, removeTrace, useTraces } from '../../state/viewing.ts';
 import { say, useMore } from '../../text/language.ts';
 import { PlotStack } from './plot_stack.ts';
 

@@ -5,8 +5,8 @@ import { Body } from '../../robot/Body.tsx';
 import { Chip } from '../../robot/Chip.tsx';
 import { showLink } from '../../shell/debug_api.ts';
 import { late } from '../../shell/late.tsx';
-import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
+import { followPresentLinks, usePresenting } from '../../state/viewing.ts';
 import { useMore } from '../../text/language.ts';
 import { connectParent } from './parent.ts';
 

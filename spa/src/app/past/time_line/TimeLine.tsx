@@ -10,20 +10,17 @@ import {
 } from 'react';
 import type { PastControls, Playhead, Timeline } from '../../../past/past_types.ts';
 import { Icon, IconButton } from '../../shell/icons.tsx';
-import { useNow } from '../../shell/now.ts';
 import { withKey } from '../../shell/page_keys.ts';
+import { useStore, useTicked } from '../../state/hooks.ts';
 import { useSettings } from '../../state/settings.ts';
-import { useStore } from '../../state/use_store.ts';
 import { languageTag, more } from '../../text/language.ts';
 import { usePastText } from '../../text/late.ts';
 import { dayWords, notKeptWords } from '../../words/moment.ts';
 import { listenToGestures } from './gestures.ts';
-import { momentSheet } from './jump/moment_sheet.ts';
+import { chosenScale, momentSheet, scaleFor, scaleIn, scalesOf } from './line.ts';
 import { completed } from './movement.ts';
-import { ScaleChoice } from './ScaleChoice.tsx';
-import { chosenScale, scaleFor, scaleIn, scalesOf } from './scales.ts';
 import { Track } from './Track.tsx';
-import { TransportBar } from './TransportBar.tsx';
+import { ScaleChoice, TransportBar } from './TransportBar.tsx';
 import { listTicks } from './ticks.ts';
 import { msPerPx, pxAt, shownSpan, textPxOf, type View } from './track_view.ts';
 
@@ -99,8 +96,11 @@ function Line(props: {
   const windowMs = nowMs - timeline.fromMs;
   const scale = scaleIn(windowMs, chosen);
   const stepMs = stepOf(Math.min(scale, windowMs) / Math.max(1, size.widthPx));
-  useNow(Math.min(past ? 1000 : STEP_MS.most, stepMs));
   const stepped = (ms: number) => Math.ceil(ms / stepMs) * stepMs;
+  useTicked(Math.min(past ? 1000 : STEP_MS.most, stepMs), () => [
+    past ? Math.floor(controls.nowMs / 1000) : stepped(controls.nowMs - controls.behindMs),
+    controls.heard.at(-1)?.n,
+  ]);
   // delayed live data ends where the picture is
   const whole = { fromMs: timeline.fromMs, toMs: stepped(nowMs - behindMs) };
   const isWhole = playhead.recorded !== null && scale >= windowMs && timeline.toMs > timeline.fromMs;

@@ -1,4 +1,4 @@
-import type { PastControls, PastEvent, Timeline } from '../../../../past/past_types.ts';
+import type { PastControls, PastEvent, Timeline } from '../../../past/past_types.ts';
 
 /** The length of the list. */
 export const INCIDENTS_MAX = 50;

@@ -1,15 +1,15 @@
-import '../../../shell/styles/choices.css';
+import '../../shell/styles/choices.css';
 import './jump.css';
 import { type FormEvent, useEffect, useId, useRef, useState, useSyncExternalStore } from 'react';
-import type { PastControls, Timeline } from '../../../../past/past_types.ts';
-import { formatClock, formatClockSeconds } from '../../../../twin/format.ts';
-import type { RobotTwin } from '../../../../twin/robot.ts';
-import { Dialog } from '../../../shell/Dialog.tsx';
-import { languageTag } from '../../../text/language.ts';
-import { useMomentsText } from '../../../text/late.ts';
-import { dayWords } from '../../../words/moment.ts';
-import { Incidents } from '../incidents/Incidents.tsx';
-import { momentSheet } from './moment_sheet.ts';
+import type { PastControls, Timeline } from '../../../past/past_types.ts';
+import { formatClock, formatClockSeconds } from '../../../twin/format.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
+import { Dialog } from '../../shell/Dialog.tsx';
+import { languageTag } from '../../text/language.ts';
+import { useMomentsText } from '../../text/late.ts';
+import { dayWords } from '../../words/moment.ts';
+import { momentSheet } from '../time_line/line.ts';
+import { Incidents } from './Incidents.tsx';
 import { dayOf, listDays, listHours, nearestRecorded, unknownOf } from './recorded_days.ts';
 
 /** How many days are listed at first, and how many more at each press. */

@@ -1,14 +1,13 @@
-import './incidents.css';
+import './jump.css';
 import { useEffect, useMemo, useRef, useState, useSyncExternalStore } from 'react';
-import type { PastControls } from '../../../../past/past_types.ts';
-import { fillSentence } from '../../../../twin/alarms/sentence.ts';
-import { flagWords, formatClockSeconds, formatSpan } from '../../../../twin/format.ts';
-import { isolated, wordsOfName } from '../../../../twin/names.ts';
-import type { RobotTwin } from '../../../../twin/robot.ts';
-import { flagSentence } from '../../../explain/flag_sentence.ts';
-import { languageTag, type More, useMore } from '../../../text/language.ts';
-import { useMomentsText } from '../../../text/late.ts';
-import { dayWords } from '../../../words/moment.ts';
+import type { PastControls } from '../../../past/past_types.ts';
+import { fillSentence, sentenceOf } from '../../../twin/alarms/sentence.ts';
+import { flagWords, formatClockSeconds, formatSpan } from '../../../twin/format.ts';
+import { isolated, wordsOfName } from '../../../twin/names.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
+import { languageTag, type More, useMore } from '../../text/language.ts';
+import { useMomentsText } from '../../text/late.ts';
+import { dayWords } from '../../words/moment.ts';
 import { INCIDENTS_MAX, type Incident, listIncidents, newestHole } from './incident_list.ts';
 
 /** Playback starts this long before a fault, to show what led up to it. */
@@ -85,7 +84,7 @@ function Row({
   const text = useMomentsText();
   const rest = useMore();
   const { atMs } = event;
-  const { said, code } = sentenceOf(twin, event, rest);
+  const { said, code } = incidentSentence(twin, event, rest);
   const isToday = new Date(atMs).toDateString() === new Date(nowMs).toDateString();
   const when = isToday ? formatClockSeconds(atMs) : dayWords(atMs, nowMs);
   const often =
@@ -109,10 +108,10 @@ function Row({
 }
 
 /** The alarm sentence for a past fault, without its current state. */
-function sentenceOf(twin: RobotTwin, { source, text }: { source: string; text: string }, rest: More) {
+function incidentSentence(twin: RobotTwin, { source, text }: { source: string; text: string }, rest: More) {
   const name = wordsOfName(twin.schema, source, languageTag());
   const words = flagWords(text);
-  const say = flagSentence(twin, source, text)?.say ?? rest.flagReported;
+  const say = sentenceOf(twin.schema, source, text, languageTag())?.say ?? rest.flagReported;
   const given: Record<string, string> = { joint: name ?? source, word: words };
   const filled = fillSentence(say, (place) => given[place] ?? null);
   const begun =

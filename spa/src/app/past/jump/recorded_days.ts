@@ -1,4 +1,4 @@
-import type { Span, Timeline } from '../../../../past/past_types.ts';
+import type { Span, Timeline } from '../../../past/past_types.ts';
 
 /** An hour of the viewer's clock in which something was recorded. */
 export interface RecordedHour {

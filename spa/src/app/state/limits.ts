@@ -1,6 +1,6 @@
 import { LatePart } from '../../browser/late_part.ts';
-import { readStored } from '../../browser/storage.ts';
-import { readEdits } from '../../twin/limits/limits.ts';
+import { readStored, writeStored } from '../../browser/storage.ts';
+import { editsText, NO_EDITS, readEdits, type Threshold, withEdit } from '../../twin/limits/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 
 const OWN_ALARMS = new LatePart(
@@ -22,4 +22,23 @@ export function loadOwnLimits(twin: RobotTwin): void {
 export function watchOwn(twin: RobotTwin): void {
   if (twin.edits.size === 0) return;
   void OWN_ALARMS.load().then(({ watchOwnLimits }) => watchOwnLimits(twin));
+}
+
+/** Sets the viewer's own threshold for a channel, in the channel's unit, and stores it in the browser. null removes it,
+ *  so that the profile's limit applies again. */
+export function setOwnLimit(
+  twin: RobotTwin,
+  field: string,
+  label: string,
+  threshold: Threshold | null,
+): void {
+  twin.acceptEdits(withEdit(twin.edits, field, label, threshold));
+  watchOwn(twin);
+  writeStored(keyOf(twin.robot), twin.edits.size === 0 ? null : editsText(twin.edits));
+}
+
+/** Removes all of the viewer's own thresholds for a robot, so that the profile's limits apply again. */
+export function dropOwnLimits(twin: RobotTwin): void {
+  twin.acceptEdits(NO_EDITS);
+  writeStored(keyOf(twin.robot), null);
 }
