@@ -1,11 +1,38 @@
 /** What the page reads of strangers. Each says what it made of the bytes, or throws Refused. */
 
-import { Decoder, decodeKeyPage, decodeRecording, decodeSegment, encodeKeyPage, encodeRecording, encodeSegment, FrameError, frameId, JointMapping, type KeyPage, keyPagePath, type Mapping, MISSING, mergeSegments, type PastRecording, parseRelayMessage, parseSchema, RecordingError, readBalance, type Schema, SchemaError, type Segment, SegmentError, type SegmentRecord, segmentPath, unpackSegment } from '@posecast/wire';
+import {
+  Decoder,
+  decodeKeyPage,
+  decodeRecording,
+  decodeSegment,
+  encodeKeyPage,
+  encodeRecording,
+  encodeSegment,
+  FrameError,
+  frameId,
+  JointMapping,
+  type KeyPage,
+  keyPagePath,
+  type Mapping,
+  MISSING,
+  mergeSegments,
+  type PastRecording,
+  parseRelayMessage,
+  parseSchema,
+  RecordingError,
+  readBalance,
+  type Schema,
+  SchemaError,
+  type Segment,
+  SegmentError,
+  type SegmentRecord,
+  segmentPath,
+  unpackSegment,
+} from '@posecast/wire';
 import { parentOrigin, readParentRequest } from '../../spa/src/app/pages/embed/parent.ts';
 import { readShared, sharedQuery } from '../../spa/src/app/share/view_address.ts';
-import { momentIn } from '../../spa/src/app/state/viewing.ts';
-import { parseRoute, robotHref } from '../../spa/src/app/state/route.ts';
-import { queryOf, readSettings } from '../../spa/src/app/state/settings.ts';
+import { momentIn, parseRoute, queryOf, robotHref } from '../../spa/src/app/state/address.ts';
+import { readSettings } from '../../spa/src/app/state/settings.ts';
 import { BalanceReader } from '../../spa/src/model/balance/balance_reader.ts';
 import { readMasses, readSoles } from '../../spa/src/model/balance/masses_and_soles.ts';
 import { BundleError, parseManifest } from '../../spa/src/model/bundle.ts';

@@ -7,8 +7,8 @@ import { expectNoFasterThanInput } from '../../../wire/typescript/tests/cost.ts'
 import { readParentRequest } from '../../src/app/pages/embed/parent.ts';
 import { readRobots } from '../../src/app/pages/list/robots.ts';
 import { readShared } from '../../src/app/share/view_address.ts';
-import { parseRoute } from '../../src/app/state/route.ts';
-import { queryOf, readSettings } from '../../src/app/state/settings.ts';
+import { parseRoute, queryOf } from '../../src/app/state/address.ts';
+import { readSettings } from '../../src/app/state/settings.ts';
 import { moreEn } from '../../src/app/text/more_en.ts';
 import { parseManifest } from '../../src/model/bundle.ts';
 import { chooseRelay, readConfig } from '../../src/relay/config.ts';

@@ -6,9 +6,9 @@ import { type TraceReading, traceReading } from '../../twin/plots/trace.ts';
 import { OpenFaults } from '../numbers/alarms/Alarms.tsx';
 import { Chip } from '../robot/Chip.tsx';
 import { refreshWith } from '../shell/refresh.ts';
+import { robotHref } from '../state/address.ts';
 import { useFaults } from '../state/fault_keeper.ts';
 import { type RobotLink, useVersion, useWord } from '../state/robot_link.ts';
-import { robotHref } from '../state/route.ts';
 import { useSettings } from '../state/settings.ts';
 import { useMore } from '../text/language.ts';
 

@@ -13,8 +13,8 @@ import { OverlayMenu } from '../robot/OverlayMenu.tsx';
 import { bindOverlay, type OverlayLink } from '../robot/overlay_link.ts';
 import { keepLoading, useBodyView, useCameraControls } from '../robot/use_body_view.ts';
 import { BackIcon, IconButton, SettingsIcon } from '../shell/icons.tsx';
+import { robotHref } from '../state/address.ts';
 import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
-import { robotHref } from '../state/route.ts';
 import { useMore, useText } from '../text/language.ts';
 import { NumbersCard } from './NumbersCard.tsx';
 
@@ -288,5 +288,8 @@ function useLine(
     for (const [i, { left, top }] of placeApart(heads, taken, stage.clientWidth).entries())
       heads[i]!.label.style.transform = `translate(${left}px, ${top}px)`;
   }, [host, labels]);
-  return useBodyView(host, prepare, follow);
+  const body = useBodyView(host, prepare);
+  const { drawn } = body;
+  useEffect(() => drawn.on(follow), [drawn, follow]);
+  return body;
 }

@@ -2,7 +2,7 @@ import { useCallback, useEffect, useRef, useState, useSyncExternalStore } from '
 import type { PastSource } from '../../past/past_source.ts';
 import { late, onDemand } from '../shell/late.tsx';
 import { isHeard, type RobotLink } from '../state/robot_link.ts';
-import { momentIn, usePresenting } from '../state/viewing.ts';
+import { usePresenting } from '../state/viewing.ts';
 import { useMore } from '../text/language.ts';
 import type { Past } from './past_link.ts';
 import '../shell/styles/robot.css';
@@ -12,8 +12,7 @@ import { pastUrl } from '../../relay/lane.ts';
 import { relayChoice } from '../../relay/relay.ts';
 import { request } from '../../relay/request.ts';
 import { tokenFor } from '../../relay/token.ts';
-import { useHash } from '../state/hash.ts';
-import { queryOf } from '../state/settings.ts';
+import { address, momentIn, queryOf } from '../state/address.ts';
 
 /** Loaded only if there is a past. */
 const PAST = new LatePart(
@@ -29,7 +28,7 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
     if (!wanted || relayChoice().mirror !== null) return;
     let left = false;
     let opened: Past | null = null;
-    const atMs = momentIn(window.location.hash); // before the address follows what is shown
+    const atMs = momentIn(address.get()); // before the address follows what is shown
     let asked = false;
     live.faults.expectPast();
     const ask = async () => {
@@ -65,8 +64,10 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
 /** Whether the address has named a moment since the page was opened, and whether it is valid; it is removed once the page is
  *  live. */
 export function useMomentNamed(): 'moment' | 'nonsense' | null {
-  const hash = useHash();
-  const named = !queryOf(hash).has('t') ? null : momentIn(hash) === null ? 'nonsense' : 'moment';
+  const named = useSyncExternalStore(address.subscribe, () => {
+    const hash = address.get();
+    return !queryOf(hash).has('t') ? null : momentIn(hash) === null ? 'nonsense' : 'moment';
+  });
   const [once, setOnce] = useState<typeof named>(named);
   if (named !== null && named !== once) setOnce(named);
   return once;

@@ -11,19 +11,12 @@ import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { Sign } from '../robot/Chip.tsx';
 import { QrCode } from '../share/QrCode.tsx';
 import { usePageKeys } from '../shell/page_keys.ts';
+import { formatMoment, robotHref } from '../state/address.ts';
 import { useFaults } from '../state/fault_keeper.ts';
 import { useTicked } from '../state/hooks.ts';
 import { type RobotLink, useConnection, useIsOld, useVersion, useWord } from '../state/robot_link.ts';
-import { robotHref } from '../state/route.ts';
 import { useSettings } from '../state/settings.ts';
-import {
-  formatMoment,
-  present,
-  selectJoint,
-  shownMoment,
-  useSelectedJoint,
-  useShownSecond,
-} from '../state/viewing.ts';
+import { present, selectJoint, shownMoment, useSelectedJoint, useShownSecond } from '../state/viewing.ts';
 import { languageTag, useMore } from '../text/language.ts';
 import { faultSentence } from '../words/fault_sentence.ts';
 import { chipWords, stageWords } from '../words/status.ts';

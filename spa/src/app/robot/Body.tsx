@@ -1,6 +1,7 @@
 import { useCallback, useEffect, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
+import type { Emitter } from '../../kit.ts';
 import { builtModelAt } from '../../model/files.ts';
 import type { ModelReport } from '../../model/report.ts';
 import { accounts } from '../../relay/relay.ts';
@@ -51,9 +52,9 @@ type Model =
  *  numbers still work. */
 export function Body({ link, live = link }: { link: RobotLink; live?: RobotLink | null }) {
   const host = useRef<HTMLDivElement>(null);
-  const { view, trouble, why, coming, choose } = useBodyView(host, usePlayed(link));
+  const { view, drawn, trouble, why, coming, choose } = useBodyView(host, usePlayed(link));
   useCameraControls(host, view, link.twin);
-  useViewAddress(view, live);
+  useViewAddress(view, drawn, live);
   const signs = useSigns(view, link);
   const model = useModel(view, link);
   const text = useText();
@@ -133,17 +134,17 @@ function usePlayed(link: RobotLink) {
 }
 
 /** Keeps the page's address in step with the view; the code for it is loaded with the body. */
-function useViewAddress(view: BodyView | null, link: RobotLink | null): void {
+function useViewAddress(view: BodyView | null, drawn: Emitter, link: RobotLink | null): void {
   useEffect(() => {
     if (view === null || link === null) return;
     return startWhenLoaded(
       VIEW_ADDRESS.load().then(
         ({ bindAddress }) =>
           () =>
-            bindAddress(view, link),
+            bindAddress(view, link, drawn),
       ),
     );
-  }, [view, link]);
+  }, [view, drawn, link]);
 }
 
 /** Connects the overlay to the robot's readings. */

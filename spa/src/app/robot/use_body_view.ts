@@ -1,6 +1,7 @@
 import { type RefObject, useEffect, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import { answers, untilRetry } from '../../browser/retry.ts';
+import { Emitter } from '../../kit.ts';
 import type { ModelReport } from '../../model/report.ts';
 import type { DrawingTrouble } from '../../scene/figure/adaptive_quality.ts';
 import type { BodyView, RowView } from '../../scene/figure/body_view.ts';
@@ -41,6 +42,8 @@ export interface ShownBody {
   readonly why: string | null;
   /** Whether the picture may still come: its code failed to load and is being requested again. */
   readonly coming: boolean;
+  /** Tells of each picture. */
+  readonly drawn: Emitter;
   /** Changes the setting `body`, and with it the renderer. */
   readonly choose: (way: '3d' | 'light') => void;
 }
@@ -51,16 +54,16 @@ const NOTHING = { view: null, trouble: null, why: null, coming: false } as const
 export type Begin = (view: RowView) => () => void;
 
 /** Opens the view of one or several robots: 3D if the browser has it, otherwise the light view; each is a separate chunk. A new
- *  view is opened when `prepare` or `onDrawn` (called after every picture) changes. */
+ *  view is opened when `prepare` changes. */
 export function useBodyView(
   host: RefObject<HTMLDivElement | null>,
   prepare: () => Promise<Begin>,
-  onDrawn?: () => void,
 ): ShownBody {
   const theme = useTheme();
+  const [drawn] = useState(() => new Emitter());
   const themeNow = useRef(theme);
   themeNow.current = theme;
-  const [shown, setShown] = useState<Omit<ShownBody, 'choose'>>(NOTHING);
+  const [shown, setShown] = useState<Omit<ShownBody, 'choose' | 'drawn'>>(NOTHING);
   const { body } = useSettings();
   /** Draw in 3D, or in the light view for the given reason. */
   const [way, setWay] = useState<'3d' | 'light' | HandMade>(() => wayFor(body));
@@ -94,10 +97,9 @@ export function useBodyView(
         if (way === 'light') setShown((before) => ({ ...before, trouble: slow ? 'light-pixels' : 'light' }));
       };
       const begin = await prepare();
-      const heard = onDrawn === undefined ? {} : { onDrawn };
       const view = await (way === '3d'
-        ? open3d(host, themeNow, { onTrouble, ...heard })
-        : openLight(host, themeNow, { onSlow, ...heard }));
+        ? open3d(host, themeNow, { onTrouble, onDrawn: drawn.emit })
+        : openLight(host, themeNow, { onSlow, onDrawn: drawn.emit }));
       if (left || view === null) {
         view?.dispose();
         return;
@@ -125,12 +127,13 @@ export function useBodyView(
       setShown(NOTHING);
       made?.dispose();
     };
-  }, [host, prepare, onDrawn, way]);
+  }, [host, prepare, drawn, way]);
 
   const { view } = shown;
   useEffect(() => view?.setTheme(theme), [view, theme]);
   return {
     ...shown,
+    drawn,
     choose: (wish) => {
       changeSettings({ body: wish });
       setWay(wayFor(wish));
@@ -151,7 +154,7 @@ class NoContext extends Error {}
 async function open3d(
   host: RefObject<HTMLDivElement | null>,
   theme: ThemeNow,
-  hears: { onTrouble: (trouble: DrawingTrouble | null) => void; onDrawn?: () => void },
+  hears: { onTrouble: (trouble: DrawingTrouble | null) => void; onDrawn: () => void },
 ): Promise<RowView | null> {
   const Scene = await (await THREE.load()).painted();
   if (host.current === null) return null;
@@ -165,7 +168,7 @@ async function open3d(
 async function openLight(
   host: RefObject<HTMLDivElement | null>,
   theme: ThemeNow,
-  hears: { onSlow: (slow: boolean) => void; onDrawn?: () => void },
+  hears: { onSlow: (slow: boolean) => void; onDrawn: () => void },
 ): Promise<RowView | null> {
   const { LightView } = await LIGHT_VIEW.load();
   return host.current === null ? null : new LightView(host.current, { theme: theme.current, ...hears });

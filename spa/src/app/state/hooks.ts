@@ -2,7 +2,7 @@ import { useEffect, useEffectEvent, useReducer, useSyncExternalStore } from 'rea
 import type { Store } from '../../kit.ts';
 
 /** The value of a store. The component is drawn again when it changes. */
-export function useStore<T>(store: Store<T>): T {
+export function useStore<T>(store: Pick<Store<T>, 'get' | 'subscribe'>): T {
   return useSyncExternalStore(store.subscribe, store.get);
 }
 

@@ -134,11 +134,6 @@ export function changeSettings(changed: Partial<Settings>): void {
   inForce.set({ ...own, ...lent });
 }
 
-/** The query in a hash, the part after the first `?`; empty if there is none. */
-export function queryOf(hash: string): URLSearchParams {
-  return new URLSearchParams(hash.split('?')[1] ?? '');
-}
-
 /** Applies the settings in a link, without storing them. Unknown names and values are ignored, as are settings that are not text,
  *  such as numbers and switches. */
 export function applyLinkSettings(query: URLSearchParams): void {

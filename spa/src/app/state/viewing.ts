@@ -2,8 +2,8 @@ import { useSyncExternalStore } from 'react';
 import { createStore } from '../../kit.ts';
 import type { PastControls } from '../../past/past_types.ts';
 import type { Trace } from '../../twin/plots/trace.ts';
+import { address, onLink, queryOf } from './address.ts';
 import { useStore } from './hooks.ts';
-import { queryOf } from './settings.ts';
 
 /** The selected joint, by its label in the robot's schema, and where it was selected. */
 export interface Selection {
@@ -71,7 +71,7 @@ export function useTraces(): readonly Trace[] {
   return useStore(list);
 }
 
-const named = () => queryOf(window.location.hash).has('present');
+const named = () => queryOf(address.get()).has('present');
 
 /** Whether the page is shown as for a projector. A link with `present` in its query opens so. */
 const inForce = createStore(typeof window !== 'undefined' && named());
@@ -80,13 +80,13 @@ const inForce = createStore(typeof window !== 'undefined' && named());
 export const presenting = inForce.get;
 /** Begins or ends presenting. */
 export const present = inForce.set;
+export const onPresenting = inForce.subscribe;
 
 /** Follows links to and from pages that are to be presented. Returns a function that stops it. */
 export function followPresentLinks(): () => void {
   const follow = () => present(named());
   follow();
-  window.addEventListener('hashchange', follow);
-  return () => window.removeEventListener('hashchange', follow);
+  return onLink(follow);
 }
 
 /** Whether the page is shown as for a projector. The component is drawn again when that changes. */
@@ -104,16 +104,3 @@ export function useShownSecond(): void {
 
 /** The controls of the shown robot's past; null while there is none to look back on. */
 export const pastControls = createStore<PastControls | null>(null);
-
-/** How an address names a moment: "2026-11-22T14:02:07.250Z", rounded up, so that the frame shown at it is not after it. */
-export function formatMoment(momentMs: number): string {
-  return new Date(Math.ceil(momentMs)).toISOString();
-}
-
-/** The moment that an address names: `#/r/demo?t=2026-11-22T14:02:07.250Z`; null if it names none that can be read. */
-export function momentIn(hash: string): number | null {
-  const named = queryOf(hash).get('t');
-  if (named === null || !/^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,3})?Z$/.test(named)) return null;
-  const ms = Date.parse(named);
-  return Number.isFinite(ms) ? ms : null;
-}

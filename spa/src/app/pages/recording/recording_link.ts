@@ -9,9 +9,10 @@ import { recordingUrl } from '../../../relay/recording_address.ts';
 import { nowMs } from '../../../stream/clock.ts';
 import { RobotTwin } from '../../../twin/robot.ts';
 import { type Past, playPast, schedule } from '../../past/past_link.ts';
+import { address, momentIn } from '../../state/address.ts';
 import { loadOwnLimits } from '../../state/limits.ts';
 import type { Connection } from '../../state/robot_link.ts';
-import { clearTraces, momentIn, selectJoint } from '../../state/viewing.ts';
+import { clearTraces, selectJoint } from '../../state/viewing.ts';
 import { fetchRecording, type OpenedRecording } from './opened_recording.ts';
 import { recordedAs } from './recording_words.ts';
 
@@ -39,7 +40,7 @@ export interface PlayedRecording extends Past {
 export function useRecording(opened: OpenedRecording, isLinked: boolean): PlayedRecording | null {
   const [played, setPlayed] = useState<PlayedRecording | null>(null);
   useEffect(() => {
-    const made = play(opened, isLinked ? momentIn(window.location.hash) : undefined);
+    const made = play(opened, isLinked ? momentIn(address.get()) : undefined);
     setPlayed(made);
     return () => {
       made.close();
