@@ -5,10 +5,9 @@ import { toggleTrace, useShownSecond, useTraces } from '../state/viewing.ts';
 import { type BalanceText, balanceText, useBalanceText } from '../text/late.ts';
 import { balanceOf, VALUES, writeValues } from './balance_watch.ts';
 import './balance.css';
-import type { Lack } from '../../twin/balance/lacks.ts';
+
 import type { Stance } from '../../twin/balance/stance.ts';
 import { isOld, isThen } from '../../twin/liveness.ts';
-import { isolated } from '../../twin/names.ts';
 import { useSettings } from '../state/settings.ts';
 import { useMore } from '../text/language.ts';
 
@@ -171,22 +170,4 @@ export function BalanceTable({ link }: { link: RobotLink }) {
       </table>
     </div>
   );
-}
-
-const WHY = {
-  raw: 'rawModel',
-  unreadable: 'builtBefore',
-  'old-bundle': 'builtBefore',
-  'no-masses': 'noMasses',
-  'impossible-masses': 'impossibleMasses',
-  'no-feet': 'noFeet',
-  'no-wrench': 'noForce',
-  'no-pressure': 'noPressure',
-  'orientation-unread': 'orientationUnread',
-  'joint-unread': 'jointUnread',
-} as const;
-
-/** Why a part of balance is unknown, in one line. */
-export function lackWords({ why, told }: Lack, text: BalanceText): string {
-  return told === undefined ? text[WHY[why]] : isolated(told);
 }

@@ -1,11 +1,11 @@
-import { lacksOf } from '../../twin/balance/lacks.ts';
+import { type Lack, lacksOf } from '../../twin/balance/lacks.ts';
+import { isolated } from '../../twin/names.ts';
 import { BALANCE } from '../balance/BalanceParts.tsx';
-import { lackWords } from '../balance/BalanceView.tsx';
 import { useLatePart } from '../shell/late.tsx';
 import { useTicked } from '../state/hooks.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { changeSettings } from '../state/settings.ts';
-import { useBalanceText } from '../text/late.ts';
+import { type BalanceText, useBalanceText } from '../text/late.ts';
 import { Switch } from './Switch.tsx';
 
 /** The interval between checks for data that is not available yet. */
@@ -59,4 +59,22 @@ export function BalanceEntry({ links, isDrawn }: { links: readonly RobotLink[]; 
       ))}
     </div>
   );
+}
+
+const WHY = {
+  raw: 'rawModel',
+  unreadable: 'builtBefore',
+  'old-bundle': 'builtBefore',
+  'no-masses': 'noMasses',
+  'impossible-masses': 'impossibleMasses',
+  'no-feet': 'noFeet',
+  'no-wrench': 'noForce',
+  'no-pressure': 'noPressure',
+  'orientation-unread': 'orientationUnread',
+  'joint-unread': 'jointUnread',
+} as const;
+
+/** Why a part of balance is unknown, in one line. */
+export function lackWords({ why, told }: Lack, text: BalanceText): string {
+  return told === undefined ? text[WHY[why]] : isolated(told);
 }
