@@ -3,7 +3,7 @@ import { createElement } from 'react';
 import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, describe, expect, it, vi } from 'vitest';
 import { MomentSheet } from '../../src/app/past/jump/MomentSheet.tsx';
-import { momentSheet } from '../../src/app/past/time_line/line.ts';
+import { chooseOn, chosenOn } from '../../src/app/past/time_line/line.ts';
 import type { PastEvent } from '../../src/past/past_types.ts';
 import { nowMs } from '../../src/stream/clock.ts';
 import type { RobotTwin } from '../../src/twin/robot.ts';
@@ -29,7 +29,7 @@ async function sheet(past: FakePast) {
   const host = document.createElement('div');
   document.body.append(host);
   root = createRoot(host);
-  momentSheet.set(past);
+  chooseOn(past, { isJumpOpen: true });
   root.render(createElement(MomentSheet, { controls: past, twin: TWIN }));
   await until(() => expect(host.querySelector('dialog')).not.toBeNull());
   const find = <T extends HTMLElement>(selector: string) => host.querySelector<T>(selector)!;
@@ -83,7 +83,7 @@ describe('going to a moment', () => {
     await until(() => expect(hint()).toBe('This moment was recorded.'));
     find('[data-testid=moment-go]').click();
     await until(() => expect(past.told).toContain(`open ${(now - wanted) / 1000}`));
-    expect(momentSheet.get()).toBeNull();
+    expect(chosenOn(past).get().isJumpOpen).toBe(false);
   });
 
   it('says what is nearest where nothing was recorded, and goes there', async () => {
@@ -160,7 +160,7 @@ describe('the last faults', () => {
     expect(plain(older!)).toMatch(/for 10 s/);
     older!.click();
     await until(() => expect(past.told.at(-1)).toBe('seek 302'));
-    expect(momentSheet.get()).toBeNull();
+    expect(chosenOn(past).get().isJumpOpen).toBe(false);
   });
 
   it('have what is missing fetched, newest first, some at a time, and say so when the relay is away', async () => {

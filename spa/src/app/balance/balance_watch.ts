@@ -1,3 +1,4 @@
+import { perObject } from '../../kit.ts';
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import { manifestAt } from '../../model/files.ts';
 import { type Manifest, readManifest } from '../../model/manifest.ts';
@@ -8,7 +9,7 @@ import { type Stance, StanceJudge } from '../../twin/balance/stance.ts';
 import { DerivedHistory } from '../../twin/plots/derived_history.ts';
 import type { History } from '../../twin/plots/history.ts';
 import type { DerivedTraces, Trace, TraceReading } from '../../twin/plots/trace.ts';
-import type { LeadState, RobotTwin } from '../../twin/robot.ts';
+import type { LeadState } from '../../twin/robot.ts';
 import { noteComputed } from '../state/own_alarms.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
@@ -156,14 +157,8 @@ const OF_RAW_FILES: KnownBalance = {
   ...{ possible: true, stance: null, balance: null, findings: [], problems: [] },
 };
 
-const watches = new WeakMap<RobotTwin, BalanceWatch>();
-
-/** The balance watch of a robot. It lives as long as the robot is shown. */
-export function balanceOf(link: Pick<RobotLink, 'twin' | 'manifestUrl'>): BalanceWatch {
-  const watch = watches.get(link.twin) ?? new BalanceWatch(link);
-  watches.set(link.twin, watch);
-  return watch;
-}
+/** The balance watch of a robot. */
+export const balanceOf = perObject((link: Pick<RobotLink, 'twin' | 'manifestUrl'>) => new BalanceWatch(link));
 
 /** A balance number that can be listed and plotted. */
 interface BalanceValue {
@@ -237,11 +232,7 @@ class BalanceTraces implements DerivedTraces {
   }
 }
 
-const kept = new WeakMap<RobotTwin, BalanceTraces>();
-
 /** The traces of a robot's balance. */
-export function balanceTraces(link: Pick<RobotLink, 'twin' | 'manifestUrl'>): DerivedTraces {
-  const traces = kept.get(link.twin) ?? new BalanceTraces(balanceOf(link));
-  kept.set(link.twin, traces);
-  return traces;
-}
+export const balanceTraces = perObject(
+  (link: Pick<RobotLink, 'twin' | 'manifestUrl'>): DerivedTraces => new BalanceTraces(balanceOf(link)),
+);

@@ -13,7 +13,7 @@ import { missedMoment, PastBelowBody, useMomentNamed, usePast, useShown } from '
 import { Body } from '../robot/Body.tsx';
 import { Chip } from '../robot/Chip.tsx';
 import { Divider } from '../shell/Divider.tsx';
-import { showLink } from '../shell/debug_api.ts';
+import { shownLink } from '../shell/debug_api.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
 import { late, lateAfterBody } from '../shell/late.tsx';
 import { usePageKeys, withKey } from '../shell/page_keys.ts';
@@ -103,8 +103,8 @@ export function OneRobot(props: {
 }) {
   const { link, live, title, share, onSettings } = props;
   useEffect(() => {
-    showLink(link);
-    return () => showLink(null);
+    shownLink.set(link);
+    return () => shownLink.set(null);
   }, [link]);
   const text = useText();
   const word = useWord(link);

@@ -12,7 +12,7 @@ import type { RobotLink } from '../state/robot_link.ts';
 import { usePastText } from '../text/late.ts';
 import { faultSentence } from '../words/fault_sentence.ts';
 import type { OfferedFile } from './save/Outcome.tsx';
-import { momentSheet, pastKeys } from './time_line/line.ts';
+import { chosenOn, pastKeys } from './time_line/line.ts';
 import { type BelowTrack, TimeLine } from './time_line/TimeLine.tsx';
 import './time_line/past.css';
 
@@ -47,13 +47,13 @@ export function PastBar(props: {
   const save = source === null ? null : () => setSaving(true);
   usePageKeys(() => pastKeys(controls, save));
   const { at } = useSyncExternalStore(controls.onChange, () => controls.playhead);
-  const sheet = useStore(momentSheet);
+  const { isJumpOpen } = useStore(chosenOn(controls));
   if (unseen) return null;
   return (
     <>
       {live !== null && at === 'past' && <LiveNews live={live} controls={controls} />}
       <TimeLine controls={controls} onSave={save} {...rest} />
-      {sheet === controls && <MomentSheet controls={controls} twin={twin} />}
+      {isJumpOpen && <MomentSheet controls={controls} twin={twin} />}
       {saving && source !== null && (
         <SaveSheet
           controls={controls}

@@ -1,4 +1,4 @@
-import { type RefObject, useEffect, useRef, useState } from 'react';
+import { type RefObject, useEffect, useEffectEvent, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import { answers, untilRetry } from '../../browser/retry.ts';
 import { Emitter } from '../../kit.ts';
@@ -7,7 +7,7 @@ import type { DrawingTrouble } from '../../scene/figure/adaptive_quality.ts';
 import type { BodyView, RowView } from '../../scene/figure/body_view.ts';
 import { isolated } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
-import { showScene } from '../shell/debug_api.ts';
+import { shownScene } from '../shell/debug_api.ts';
 import { startWhenLoaded } from '../shell/late.tsx';
 import { type PageTheme, useTheme } from '../shell/theme.ts';
 import { changeSettings, type Settings, settings, useSettings } from '../state/settings.ts';
@@ -61,8 +61,7 @@ export function useBodyView(
 ): ShownBody {
   const theme = useTheme();
   const [drawn] = useState(() => new Emitter());
-  const themeNow = useRef(theme);
-  themeNow.current = theme;
+  const themeNow = useEffectEvent(() => theme);
   const [shown, setShown] = useState<Omit<ShownBody, 'choose' | 'drawn'>>(NOTHING);
   const { body } = useSettings();
   /** Draw in 3D, or in the light view for the given reason. */
@@ -98,15 +97,15 @@ export function useBodyView(
       };
       const begin = await prepare();
       const view = await (way === '3d'
-        ? open3d(host, themeNow, { onTrouble, onDrawn: drawn.emit })
-        : openLight(host, themeNow, { onSlow, onDrawn: drawn.emit }));
+        ? open3d(host, () => themeNow(), { onTrouble, onDrawn: drawn.emit })
+        : openLight(host, () => themeNow(), { onSlow, onDrawn: drawn.emit }));
       if (left || view === null) {
         view?.dispose();
         return;
       }
       made = view;
       stop = begin(view);
-      showScene(view);
+      shownScene.set(view);
       const trouble = way === '3d' ? null : way;
       setShown({ ...NOTHING, view, trouble });
     };
@@ -123,7 +122,7 @@ export function useBodyView(
       left = true;
       leave();
       stop?.();
-      showScene(null);
+      shownScene.set(null);
       setShown(NOTHING);
       made?.dispose();
     };
@@ -146,7 +145,7 @@ function wayFor(body: Settings['body']): '3d' | 'light' | 'chosen' {
   return body === 'light' ? 'chosen' : '3d';
 }
 
-type ThemeNow = RefObject<PageTheme>;
+type ThemeNow = () => PageTheme;
 
 /** The browser has WebGL, but gave the scene no context. */
 class NoContext extends Error {}
@@ -159,7 +158,7 @@ async function open3d(
   const Scene = await (await THREE.load()).painted();
   if (host.current === null) return null;
   try {
-    return new Scene(host.current, { theme: theme.current, ...hears });
+    return new Scene(host.current, { theme: theme(), ...hears });
   } catch (cause) {
     throw new NoContext('no 3D', { cause });
   }
@@ -171,7 +170,7 @@ async function openLight(
   hears: { onSlow: (slow: boolean) => void; onDrawn: () => void },
 ): Promise<RowView | null> {
   const { LightView } = await LIGHT_VIEW.load();
-  return host.current === null ? null : new LightView(host.current, { theme: theme.current, ...hears });
+  return host.current === null ? null : new LightView(host.current, { theme: theme(), ...hears });
 }
 
 /** Whether the browser can make a WebGL 2 context. */

@@ -27,10 +27,9 @@ export function useLatePart<T>(part: LatePart<T>): T | null {
 }
 
 function Arriving<P extends object>({ part, given }: { part: LatePart<ComponentType<P>>; given: P }) {
-  const Loaded = useSyncExternalStore(part.subscribe, part.value);
+  const Loaded = useLatePart(part);
   const failed = useSyncExternalStore(part.subscribe, part.failed);
   if (Loaded !== null) return <Loaded {...given} />;
-  void part.load();
   return failed ? <NotHere /> : null;
 }
 

@@ -1,4 +1,4 @@
-import { type RefObject, useEffect, useRef, useState } from 'react';
+import { type RefObject, useEffect, useEffectEvent, useRef, useState } from 'react';
 import { settings } from '../state/settings.ts';
 import type { More } from '../text/more_en.ts';
 
@@ -134,13 +134,9 @@ export function addPageKeys(handlers: () => KeyHandlers, element: Element | null
 
 /** Takes up keys while the component is shown and `handlers` is not null; see `addPageKeys`. */
 export function usePageKeys(handlers: (() => KeyHandlers) | null, element?: RefObject<Element | null>): void {
-  const now = useRef(handlers);
-  now.current = handlers;
+  const now = useEffectEvent(() => handlers?.() ?? {});
   const isOn = handlers !== null;
-  useEffect(
-    () => (isOn ? addPageKeys(() => now.current?.() ?? {}, element?.current) : undefined),
-    [isOn, element],
-  );
+  useEffect(() => (isOn ? addPageKeys(() => now(), element?.current) : undefined), [isOn, element]);
 }
 
 function onPointer({ target }: PointerEvent): void {

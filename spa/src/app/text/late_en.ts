@@ -227,7 +227,6 @@ export const balanceEn = {
 
   // ---- how much of its range a joint has left
   room: 'left to the limit',
-  roomWhat: 'How far it can still move before its end stop.',
   toLower: (value: string) => `${value} to its lower limit`,
   toUpper: (value: string) => `${value} to its upper limit`,
   beyondLower: (value: string) => `${value} past its lower limit`,

@@ -193,7 +193,6 @@ export const balanceKo: typeof balanceEn = {
   withoutLimit: '기본값: 20 mm 미만은 노랑, 벗어나면 빨강입니다.',
 
   room: '한계까지 남은 거리',
-  roomWhat: '끝에 닿기까지 더 움직일 수 있는 만큼.',
   toLower: (value) => `아래쪽 한계까지 ${value}`,
   toUpper: (value) => `위쪽 한계까지 ${value}`,
   beyondLower: (value) => `아래쪽 한계를 ${value} 넘음`,

@@ -393,8 +393,6 @@ export const moreEn = {
   withoutBody: 'Robots without a body',
   noBody: (why: string) => `No body: ${why}`,
   bodies: 'Bodies',
-  lineNeeds3d: 'Robots side by side need 3D, which this browser does not have. Open them one by one.',
-  lineGivenUp: '3D keeps failing in this browser. Open the robots one by one.',
 
   // ---- a robot from this computer
   closeRobot: 'Close this robot',

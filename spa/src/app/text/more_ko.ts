@@ -285,8 +285,6 @@ export const moreKo: More = {
   withoutBody: '몸체가 없는 로봇',
   noBody: (why) => `몸체 없음: ${why}`,
   bodies: '로봇들',
-  lineNeeds3d: '로봇을 나란히 보려면 3D가 필요한데 이 브라우저에는 없습니다. 하나씩 여세요.',
-  lineGivenUp: '이 브라우저에서 3D가 자꾸 멈춥니다. 로봇을 하나씩 여세요.',
   closeRobot: '이 로봇 닫기',
   onlyHere: '이 브라우저에만 있음',
   robotsInFiles: (count) => `이 파일들에 로봇 ${count}대`,

@@ -3,7 +3,7 @@ import { home, relayChoice } from '../../../relay/relay.ts';
 import { Announcer } from '../../robot/Announcer.tsx';
 import { Body } from '../../robot/Body.tsx';
 import { Chip } from '../../robot/Chip.tsx';
-import { showLink } from '../../shell/debug_api.ts';
+import { shownLink } from '../../shell/debug_api.ts';
 import { late } from '../../shell/late.tsx';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
 import { followPresentLinks, usePresenting } from '../../state/viewing.ts';
@@ -32,8 +32,8 @@ export function Framed({
   children: ReactNode;
 }) {
   useEffect(() => {
-    showLink(link);
-    return () => showLink(null);
+    shownLink.set(link);
+    return () => shownLink.set(null);
   }, [link]);
   useVersion(link);
   const rest = useMore();

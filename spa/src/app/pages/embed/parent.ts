@@ -107,7 +107,7 @@ export function connectParent({ twin, watch, client }: RobotLink): () => void {
 function grant(wish: ParentRequest): void {
   switch (wish.posecast) {
     case 'look':
-      shownScene()?.look(wish.view);
+      shownScene.get()?.look(wish.view);
       return;
     case 'select':
       selectJoint(wish.joint);

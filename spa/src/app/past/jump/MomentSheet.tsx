@@ -8,7 +8,7 @@ import { Dialog } from '../../shell/Dialog.tsx';
 import { languageTag } from '../../text/language.ts';
 import { useMomentsText } from '../../text/late.ts';
 import { dayWords } from '../../words/moment.ts';
-import { momentSheet } from '../time_line/line.ts';
+import { chooseOn } from '../time_line/line.ts';
 import { Incidents } from './Incidents.tsx';
 import { dayOf, listDays, listHours, nearestRecorded, unknownOf } from './recorded_days.ts';
 
@@ -229,7 +229,7 @@ export function MomentSheet({ controls, twin }: { controls: PastControls; twin: 
   const text = useMomentsText();
   const name = useId();
   const [way, setWay] = useState<(typeof WAYS)[number]>('byTime');
-  const close = () => momentSheet.set(null);
+  const close = () => chooseOn(controls, { isJumpOpen: false });
   const openAt = (momentMs: number) => {
     close();
     controls.openAt(momentMs);

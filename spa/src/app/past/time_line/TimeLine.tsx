@@ -17,7 +17,7 @@ import { languageTag, more } from '../../text/language.ts';
 import { usePastText } from '../../text/late.ts';
 import { dayWords, notKeptWords } from '../../words/moment.ts';
 import { listenToGestures } from './gestures.ts';
-import { chosenScale, momentSheet, scaleFor, scaleIn, scalesOf } from './line.ts';
+import { chooseOn, chosenOn, scaleFor, scaleIn, scalesOf } from './line.ts';
 import { completed } from './movement.ts';
 import { Track } from './Track.tsx';
 import { ScaleChoice, TransportBar } from './TransportBar.tsx';
@@ -88,7 +88,7 @@ function Line(props: {
   const past = playhead.at === 'past';
   const room = useRef<HTMLDivElement>(null);
   const [size, setSize] = useState({ widthPx: 0, heightPx: 0 });
-  const chosen = useStore(chosenScale(controls));
+  const { scaleMs: chosen } = useStore(chosenOn(controls));
   // Nothing moves under a finger: neither the time nor the page.
   const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
   const shown = useRef<View | null>(null);
@@ -133,7 +133,7 @@ function Line(props: {
     if (loop === null || widthPx === 0) return;
     const lengthMs = loop.toMs - loop.fromMs;
     if (lengthMs >= LOOP_PX * msPerPx(now)) return;
-    chosenScale(controls).set(scaleFor(scalesOf(windowMs), (lengthMs * widthPx) / LOOP_PX));
+    chooseOn(controls, { scaleMs: scaleFor(scalesOf(windowMs), (lengthMs * widthPx) / LOOP_PX) });
   }, [loop]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: `open` changes the element
@@ -197,7 +197,7 @@ function Line(props: {
           title={withKey(text.jump, 'jump')}
           aria-haspopup="dialog"
           data-testid="jump"
-          onClick={() => momentSheet.set(controls)}
+          onClick={() => chooseOn(controls, { isJumpOpen: true })}
         >
           <JumpIcon />
         </IconButton>

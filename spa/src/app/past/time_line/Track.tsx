@@ -5,7 +5,7 @@ import { usePageKeys } from '../../shell/page_keys.ts';
 import { useStore } from '../../state/hooks.ts';
 import { pastText, usePastText } from '../../text/late.ts';
 import { hundredthsWords } from '../../words/moment.ts';
-import { lineKeys, loopStart } from './line.ts';
+import { chosenOn, lineKeys } from './line.ts';
 import { Scrubber } from './scrubber.ts';
 import { useSpoken, whenWords } from './spoken.ts';
 import { TrackPicture } from './TrackPicture.tsx';
@@ -57,7 +57,7 @@ export function Track({
   usePageKeys(() => lineKeys(controls, nowMs), track);
   const scrubber = useMemo(() => new Scrubber(controls, nextFrame, setDraft), [controls]);
   useEffect(() => () => scrubber.cancel(), [scrubber]);
-  const startMs = useStore(loopStart(controls));
+  const { loopStartMs: startMs } = useStore(chosenOn(controls));
   const spoken = useSpoken(playhead, nowMs);
 
   const down = (event: PointerEvent<HTMLDivElement>) => {

@@ -8,7 +8,7 @@ import { useStore } from '../../state/hooks.ts';
 import { more } from '../../text/language.ts';
 import { useMomentsText, usePastText } from '../../text/late.ts';
 import { hundredthsWords, spanWords } from '../../words/moment.ts';
-import { ALL, chosenScale, loopStart, momentSheet, pressLoop, scalesOf, stepScale } from './line.ts';
+import { ALL, chooseOn, chosenOn, pressLoop, scalesOf, stepScale } from './line.ts';
 import { speedWords, whenWords } from './spoken.ts';
 import './past.css';
 
@@ -121,7 +121,7 @@ export function TransportBar({
         className="transport-moment"
         title={withKey(text.jump, 'jump')}
         aria-haspopup="dialog"
-        onClick={() => momentSheet.set(controls)}
+        onClick={() => chooseOn(controls, { isJumpOpen: true })}
       >
         {playhead.recorded === null ? <PastIcon /> : <Sign word="RECORDED" />}
         <span data-testid="moment">{preciseWords(playhead, nowMs)}</span>
@@ -210,7 +210,7 @@ function Speeds({ speed, onSpeed }: { speed: Speed; onSpeed: (speed: Speed) => v
 
 function LoopButton({ controls, playhead }: { controls: PastControls; playhead: Playhead }) {
   const text = usePastText();
-  const startMs = useStore(loopStart(controls));
+  const { loopStartMs: startMs } = useStore(chosenOn(controls));
   const state = playhead.loop !== null ? 'on' : startMs !== null ? 'started' : 'off';
   const name = { off: text.loopFrom, started: text.loopTo, on: text.loopOff }[state];
   return (
@@ -264,7 +264,7 @@ function TwoScales({ controls, scale, scales, words }: Given) {
       aria-label={name}
       title={name}
       data-testid="range"
-      onClick={() => chosenScale(controls).set(other)}
+      onClick={() => chooseOn(controls, { scaleMs: other })}
     >
       {scales.map((each) => (
         <span key={each} data-on={each === scale}>
@@ -299,7 +299,7 @@ function Scales({ controls, scale, scales, words }: Given) {
         title={text.scale}
         value={scale}
         data-testid="scale"
-        onChange={(event) => chosenScale(controls).set(Number(event.currentTarget.value))}
+        onChange={(event) => chooseOn(controls, { scaleMs: Number(event.currentTarget.value) })}
       >
         {scales.map((each) => (
           <option key={each} value={each}>

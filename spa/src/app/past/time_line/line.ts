@@ -1,4 +1,4 @@
-import { createStore, storePer } from '../../../kit.ts';
+import { createStore, perObject } from '../../../kit.ts';
 import { type PastControls, SPEEDS } from '../../../past/past_types.ts';
 import type { KeyHandlers } from '../../shell/page_keys.ts';
 import { LEAST_LOOP_MS } from './scrubber.ts';
@@ -32,22 +32,38 @@ export function scaleIn(windowMs: number, chosen: number | null): number {
   return scaleFor(scales, wanted);
 }
 
-/** The scale chosen by the viewer; null before a choice. */
-export const chosenScale = storePer<PastControls, number | null>(null);
+interface ChosenLine {
+  /** The scale; null before a choice. */
+  readonly scaleMs: number | null;
+  /** The start of a loop whose end has not been set yet, unix ms. */
+  readonly loopStartMs: number | null;
+  /** Whether the dialog for going to a moment is open. */
+  readonly isJumpOpen: boolean;
+}
+
+/** What the viewer has chosen on a time line. */
+export const chosenOn = perObject((_: PastControls) =>
+  createStore<ChosenLine>({ scaleMs: null, loopStartMs: null, isJumpOpen: false }),
+);
+
+/** Changes some of it. */
+export function chooseOn(controls: PastControls, changed: Partial<ChosenLine>): void {
+  const store = chosenOn(controls);
+  store.set({ ...store.get(), ...changed });
+}
 
 /** The length of the shown span, ms. */
 export function shownMs(controls: PastControls): number {
   const windowMs = controls.nowMs - (controls.timeline?.fromMs ?? controls.nowMs);
-  return Math.min(windowMs, scaleIn(windowMs, chosenScale(controls).get()));
+  return Math.min(windowMs, scaleIn(windowMs, chosenOn(controls).get().scaleMs));
 }
 
 /** Shows more (1) or less (-1) of the time. */
 export function stepScale(controls: PastControls, by: 1 | -1): void {
   const windowMs = controls.nowMs - (controls.timeline?.fromMs ?? controls.nowMs);
   const scales = scalesOf(windowMs);
-  const store = chosenScale(controls);
-  const next = scales[scales.indexOf(scaleIn(windowMs, store.get())) + by];
-  if (next !== undefined) store.set(next);
+  const scaleMs = scales[scales.indexOf(scaleIn(windowMs, chosenOn(controls).get().scaleMs)) + by];
+  if (scaleMs !== undefined) chooseOn(controls, { scaleMs });
 }
 
 /** The scale that suits a span best: the longest that is no longer than it, else the finest. */
@@ -60,27 +76,17 @@ export function arrowMs(lengthMs: number): number {
   return STEPS_MS.findLast((ms) => ms * STEPS_MIN <= lengthMs) ?? STEPS_MS[0];
 }
 
-/** The start of a loop whose end has not been set yet, unix ms. */
-export const loopStart = storePer<PastControls, number | null>(null);
-
 /** The first press sets the start of the loop, the second its end, the third removes it. */
 export function pressLoop(controls: PastControls): void {
-  const start = loopStart(controls);
   const { loop, momentMs } = controls.playhead;
-  const startMs = start.get();
-  if (loop !== null) {
-    start.set(null);
-    controls.setLoop(null);
-  } else if (startMs === null) start.set(momentMs);
-  else {
-    start.set(null);
+  const { loopStartMs: startMs } = chosenOn(controls).get();
+  chooseOn(controls, { loopStartMs: loop === null && startMs === null ? momentMs : null });
+  if (loop !== null) controls.setLoop(null);
+  else if (startMs !== null) {
     const [fromMs, toMs] = [Math.min(startMs, momentMs), Math.max(startMs, momentMs)];
     if (toMs - fromMs >= LEAST_LOOP_MS) controls.setLoop({ fromMs, toMs });
   }
 }
-
-/** The past for which the dialog is open; null while it is closed. */
-export const momentSheet = createStore<PastControls | null>(null);
 
 /** What the past's page-wide keys can do at present. `save`: null if there is nothing that can be saved. */
 export function pastKeys(controls: PastControls, save: (() => void) | null): KeyHandlers {
@@ -95,7 +101,7 @@ export function pastKeys(controls: PastControls, save: (() => void) | null): Key
     frameBack: () => controls.step(-1),
     tenBack: () => controls.skip(-10_000),
     faultBack: () => controls.visitFault(-1),
-    jump: () => momentSheet.set(controls),
+    jump: () => chooseOn(controls, { isJumpOpen: true }),
     ...(save !== null && { save }),
     ...(at === 'past' && {
       frameOn: () => controls.step(1),
