@@ -1,16 +1,15 @@
 // @vitest-environment happy-dom
 import { createElement } from 'react';
-import { createRoot, type Root } from 'react-dom/client';
-import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
+import { beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
 import { chooseOn, chosenOn, pastKeys } from '../../src/app/past/time_line/line.ts';
 import { TimeLine } from '../../src/app/past/time_line/TimeLine.tsx';
 import { usePageKeys } from '../../src/app/shell/page_keys.ts';
 import { nowMs } from '../../src/stream/clock.ts';
+import { mount, unmount } from '../rigs/mounted.ts';
 import { FakePast, timelineOf } from '../rigs/past_fake.ts';
 
 /** A track of ten minutes, on which a pixel is about a second. */
 const WIDTH_PX = 614;
-let root: Root | null = null;
 let frames: (() => void)[] = [];
 
 beforeAll(() => {
@@ -25,11 +24,6 @@ beforeEach(() => {
   frames = [];
 });
 
-afterEach(() => {
-  root?.unmount();
-  document.body.replaceChildren();
-});
-
 function Page({ past }: { past: FakePast }) {
   usePageKeys(() => pastKeys(past, null));
   return createElement(TimeLine, { controls: past });
@@ -37,16 +31,7 @@ function Page({ past }: { past: FakePast }) {
 
 /** The time line of a robot with ten minutes of past. */
 async function timeLine(past = new FakePast(nowMs())) {
-  const host = document.createElement('div');
-  document.body.append(host);
-  root = createRoot(host);
-  root.render(createElement(Page, { past }));
-  const find = (testId: string) =>
-    vi.waitFor(() => {
-      const found = host.querySelector<HTMLElement>(`[data-testid="${testId}"]`);
-      if (found === null) throw new Error(`no ${testId} in ${host.innerHTML.slice(0, 300)}`);
-      return found;
-    }, 10_000); // the first to need a late part waits until that is compiled
+  const { host, findById: find } = mount(Page, { past });
   const gone = (testId: string) =>
     vi.waitFor(() => expect(host.querySelector(`[data-testid="${testId}"]`)).toBeNull());
   const named = (name: string) => host.querySelector<HTMLElement>(`[aria-label^="${name}"]`)!;
@@ -116,8 +101,7 @@ describe('the time line', () => {
     expect(past.told.at(-1)).toBe('settle');
     pointer(track, 'pointerdown', 207);
     expect(past.told.at(-1)).toMatch(/^scrub/);
-    root?.unmount();
-    root = null;
+    unmount();
     await vi.waitFor(() => expect(past.told.at(-1)).toBe('settle'));
   });
 
