@@ -26,6 +26,26 @@ const contentPolicyOf = (page: string) =>
 
 const EARLY = path.resolve(import.meta.dirname, 'src/early.ts');
 
+/** The parts of a robot's first picture, one of the last two. What several of them need is a file of its own. */
+const FIRST = {
+  numbers: path.resolve(import.meta.dirname, 'src/app/numbers/Panel.tsx'),
+  three: path.resolve(import.meta.dirname, 'src/scene/three/index.ts'),
+  light: path.resolve(import.meta.dirname, 'src/scene/canvas2d/view.ts'),
+};
+
+/** Other parts of the page that are loaded together are one file. */
+const TOGETHER: readonly (readonly [name: string, files: RegExp])[] = [
+  ['past', /src\/(app\/past|past\/(?!save|recording))/],
+  ['recording', /src\/(app\/pages\/recording|past\/recording)/],
+  ['balance', /src\/(app\/balance\/(?!BalanceParts)|scene\/signs\/balance)/],
+  ['settings', /src\/app\/settings\/(?!LimitSettings)/],
+  ['share', /src\/app\/(present|share\/(?!view_address))|node_modules\/qr\//],
+  ['plots', /src\/app\/(numbers\/plots|robot\/SelfPlots)|node_modules\/uplot\//],
+  ['dialogs', /src\/app\/shell\/(Dialog|Command|SettingChoice|styles\/(dialog|choices|command))/],
+  ['signs', /src\/app\/shell\/styles\/signs/],
+  ['body', /src\/app\/(robot|numbers|explain|words|shell|state|share|balance|settings)\b.*\.(ts|tsx|css)$/],
+];
+
 /** The code that the page starts with, in two files: a browser requests six at a time, and the stream's worker has to wait its turn.
  *  The early script is apart, because it runs before the rest has loaded. three.js is apart from the scene that alone needs it,
  *  because it changes less often. All other code is split by what loads it. */
@@ -35,6 +55,14 @@ const CHUNKS: Rolldown.CodeSplittingGroup[] = [
     name: (id, graph) => (importsOf(EARLY, graph).has(id) ? 'early' : 'page'),
     tags: ['$initial'],
   },
+  {
+    name: (id, graph) => {
+      const needed = Object.entries(FIRST).filter(([, file]) => importsOf(file, graph).has(id));
+      return needed.map(([name]) => name).join('_') || null;
+    },
+  },
+  { name: (id) => TOGETHER.find(([, files]) => files.test(id))?.[0] ?? null },
+  { name: 'twin', test: /src\/(twin|browser|model|scene\/(signs|figure|camera))\// },
 ];
 
 /** A module and all that it imports at once. */
@@ -145,7 +173,7 @@ export default defineConfig({
     rolldownOptions: {
       checks: { pluginTimings: false }, // how long plugins took is nothing to act on
       input: { index: 'index.html', early: 'src/early.ts' },
-      output: { codeSplitting: { groups: CHUNKS } },
+      output: { codeSplitting: { includeDependenciesRecursively: false, groups: CHUNKS } },
     },
   },
   worker: { format: 'es' },

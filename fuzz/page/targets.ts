@@ -29,11 +29,10 @@ import {
   segmentPath,
   unpackSegment,
 } from '@posecast/wire';
-import { parentOrigin, readParentRequest } from '../../spa/src/app/pages/embed/messages.ts';
-import { readShared, sharedQuery } from '../../spa/src/app/share/shared_view.ts';
-import { momentIn } from '../../spa/src/app/state/moment.ts';
-import { parseRoute, robotHref } from '../../spa/src/app/state/route.ts';
-import { queryOf, readSettings } from '../../spa/src/app/state/settings.ts';
+import { parentOrigin, readParentRequest } from '../../spa/src/app/pages/embed/parent.ts';
+import { readShared, sharedQuery } from '../../spa/src/app/share/view_address.ts';
+import { momentIn, parseRoute, queryOf, robotHref } from '../../spa/src/app/state/address.ts';
+import { readSettings } from '../../spa/src/app/state/settings.ts';
 import { BalanceReader } from '../../spa/src/model/balance/balance_reader.ts';
 import { readMasses, readSoles } from '../../spa/src/model/balance/masses_and_soles.ts';
 import { BundleError, parseManifest } from '../../spa/src/model/bundle.ts';

@@ -12,8 +12,8 @@ const SAVES_DATA = `Object.defineProperty(navigator, 'connection', { value: { sa
 
 const triangles = (page: Page) => page.evaluate<number>('window.posecast?.scene?.triangles ?? 0');
 const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
-/** The file of the light view, `scene/canvas2d/view.ts`. */
-const LIGHT = 'view';
+/** The file of the light view. */
+const LIGHT = 'light';
 const has = (page: Page, part: string) => page.requested.some((url) => url.includes(`/${part}-`));
 /** Switches to the light view, as a slow device does automatically. */
 const draw = (page: Page, how: 'light' | '3d') =>
@@ -61,7 +61,7 @@ it('a body whose code did not come while the relay was away is there when the re
 it('what may be needed later is here before the relay goes away', async () => {
   const { page, link } = await watched();
   try {
-    for (const part of [LIGHT, 'ShareSheet', 'SettingsSheet', 'Plots', 'Explanation'])
+    for (const part of [LIGHT, 'share', 'settings', 'plots', 'body'])
       await until(`${part} fetched ahead`, () => has(page, part), 60_000);
     link.cut(true);
     await until('STALE', is(page, 'STALE'), 30_000);

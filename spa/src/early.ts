@@ -4,8 +4,7 @@
  * these requests. For a recording, it requests the index.
  */
 
-import { adoptPath } from './app/state/path.ts';
-import { parseRoute } from './app/state/route.ts';
+import { adoptPath, parseRoute } from './app/state/address.ts';
 import { builtModelAt } from './model/files.ts';
 import { streamUrl, WANTED_HZ } from './relay/addresses.ts';
 import { laneUrl, manifestUrl } from './relay/lane.ts';

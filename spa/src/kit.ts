@@ -40,12 +40,11 @@ export function createStore<T>(first: T): Store<T> {
   };
 }
 
-/** Gives each of some objects its own store, which lives as long as the object. */
-export function storePer<K extends object, T>(first: T): (key: K) => Store<T> {
-  const stores = new WeakMap<K, Store<T>>();
+/** Makes one thing for each of some objects, when it is first asked for. It lives as long as the object. */
+export function perObject<K extends object, T>(make: (key: K) => T): (key: K) => T {
+  const made = new WeakMap<K, T>();
   return (key) => {
-    const known = stores.get(key) ?? createStore(first);
-    stores.set(key, known);
-    return known;
+    if (!made.has(key)) made.set(key, make(key));
+    return made.get(key)!;
   };
 }

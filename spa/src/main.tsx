@@ -2,15 +2,11 @@ import './early.ts';
 import { StrictMode } from 'react';
 import { createRoot } from 'react-dom/client';
 import { App } from './app/App.tsx';
-import { loadThree } from './app/robot/load_three.ts';
-import { hasWebGl } from './app/robot/use_body_view.ts';
+import { hasWebGl, loadThree } from './app/robot/use_body_view.ts';
 import { installDebugApi } from './app/shell/debug_api.ts';
-import { ErrorBoundary } from './app/shell/ErrorBoundary.tsx';
-import { AbsentNotice, late, onDemand } from './app/shell/late.tsx';
-import { reloadAfterDeploy } from './app/shell/reload.ts';
-import { leavePath } from './app/state/path.ts';
-import { parseRoute } from './app/state/route.ts';
-import { applyLinkSettings, queryOf } from './app/state/settings.ts';
+import { AbsentNotice, ErrorBoundary, late, onDemand, reloadAfterDeploy } from './app/shell/late.tsx';
+import { address, leavePath, onLink, parseRoute, queryOf } from './app/state/address.ts';
+import { applyLinkSettings } from './app/state/settings.ts';
 import { bindLanguage } from './app/text/language.ts';
 import { recordingUrl } from './relay/recording_address.ts';
 import { accessSettled } from './relay/settled.ts';
@@ -24,7 +20,7 @@ const embedded = document.documentElement.dataset.page === 'embed';
 
 performance.mark('posecast:script');
 // Before the first render: these are the largest parts of the page, and every robot page needs them.
-const { page } = parseRoute(window.location.hash);
+const { page } = parseRoute(address.get());
 const isRecording = recordingUrl() !== null;
 if (!embedded && isRecording) {
   import('./app/pages/recording/RecordingPage.tsx').catch(() => {}); // the body is shown after its first pose
@@ -34,11 +30,11 @@ if (!embedded && isRecording) {
   if (hasWebGl()) loadThree().catch(() => {});
 } else if (!embedded && page === 'list') import('./app/pages/list/RobotList.tsx').catch(() => {});
 installDebugApi();
-const lend = () => applyLinkSettings(queryOf(window.location.hash));
+const lend = () => applyLinkSettings(queryOf(address.get()));
 lend();
 leavePath();
-window.addEventListener('hashchange', leavePath);
-window.addEventListener('hashchange', lend); // the user followed another link; the page's own writes don't trigger this
+onLink(leavePath);
+onLink(lend);
 reloadAfterDeploy();
 const root = document.getElementById('root');
 if (root !== null) {

@@ -1,17 +1,14 @@
-import { useEffect, useLayoutEffect, useState } from 'react';
+import { useEffect, useLayoutEffect, useState, useSyncExternalStore } from 'react';
 import { recordingUrl } from '../relay/recording_address.ts';
 import { relayChoice } from '../relay/relay.ts';
 import { isolated } from '../twin/names.ts';
 import { closeLocal, listenForDrops, useLocal } from './pages/local/local.ts';
 import { RobotPage } from './pages/RobotPage.tsx';
-import { ErrorBoundary } from './shell/ErrorBoundary.tsx';
-import { AbsentNotice, late, onDemand } from './shell/late.tsx';
+import { AbsentNotice, ErrorBoundary, late, onDemand } from './shell/late.tsx';
 import { useThemeOnRoot } from './shell/theme.ts';
-import { useHash } from './state/hash.ts';
+import { address, parseRoute, placeIn } from './state/address.ts';
 import type { RobotLink } from './state/robot_link.ts';
-import { parseRoute } from './state/route.ts';
-import { useText } from './text/language.ts';
-import { useMore } from './text/more.ts';
+import { useMore, useText } from './text/language.ts';
 
 // Loaded on demand: a visitor who opens a robot needs no list.
 const RobotList = late(async () => (await import('./pages/list/RobotList.tsx')).RobotList, onDemand);
@@ -39,7 +36,7 @@ export function App() {
 }
 
 function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
-  const hash = useHash();
+  const hash = useSyncExternalStore(address.subscribe, () => placeIn(address.get()));
   const route = parseRoute(hash);
   const local = useLocal();
   const isRecording = local.phase === 'recording' || recordingUrl() !== null;
@@ -48,9 +45,8 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
     if (listed) document.title = 'Posecast';
   }, [listed]);
   useLayoutEffect(listenForDrops, []); // before the first paint: a file dropped earlier would replace the page
-  const place = hash.split('?')[0]; // the query changes as the camera moves
   // biome-ignore lint/correctness/useExhaustiveDependencies: going anywhere leaves what was dropped
-  useEffect(() => closeLocal, [place]);
+  useEffect(() => closeLocal, [hash]);
   if (local.phase === 'recording')
     return (
       <RecordingPage
@@ -61,7 +57,7 @@ function Page({ onSettings }: { onSettings: (link?: RobotLink) => void }) {
       />
     );
   const { refused } = relayChoice();
-  if (refused !== null) return <NothingHere hash={hash} refused={refused} />;
+  if (refused !== null) return <NothingHere hash={address.get()} refused={refused} />;
   if (local.phase === 'shown')
     return <LocalPage key={local.robot.path} robot={local.robot} urdfs={local.urdfs} />;
   if (isRecording) return <RecordingPage given={null} onClose={null} onSettings={onSettings} />;

@@ -98,7 +98,7 @@ describe('the balance of a moment at which the past rests', () => {
         twin.acceptState(states.at(-1 - i)!);
         twin.acceptState(state);
         twin.acceptLead(states.slice(0, i));
-        const { stance, balance } = watch.known!;
+        const { stance, balance } = watch.known()!;
         expect(balance!.capturePoint).toEqual(expected!.capturePoint);
         expect(stance?.level ?? 'ok', 'words and picture have one level').toBe(expected!.level);
         expect(stance?.marginMm ?? null).toBe(expected!.marginM === null ? null : expected!.marginM * 1000);
@@ -146,10 +146,10 @@ describe('the balance of a moment at which the past rests', () => {
     twin.acceptState(first);
     const near = { ...second, atMs: first.atMs + 20 };
     twin.acceptState(near);
-    const stale = watch.known;
+    const stale = watch.known();
     twin.acceptLead([first]);
-    expect(watch.known).not.toBe(stale);
-    expect(watch.known?.stance?.marginMm).toBeCloseTo(one.frames[1]!.balance.margin_m! * 1000, 1);
+    expect(watch.known()).not.toBe(stale);
+    expect(watch.known()?.stance?.marginMm).toBeCloseTo(one.frames[1]!.balance.margin_m! * 1000, 1);
   });
 });
 

@@ -1,7 +1,6 @@
 import { beforeEach, describe, expect, it, vi } from 'vitest';
-import { balanceTraces, VALUES } from '../../src/app/balance/balance_traces.ts';
-import { type BalanceWatch, balanceOf } from '../../src/app/balance/balance_watch.ts';
-import { spokenStance } from '../../src/app/balance/Stood.tsx';
+import { spokenStance } from '../../src/app/balance/BalanceView.tsx';
+import { type BalanceWatch, balanceOf, balanceTraces, VALUES } from '../../src/app/balance/balance_watch.ts';
 import { onOwnAlarms, ownAlarms } from '../../src/app/state/own_alarms.ts';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
@@ -42,18 +41,19 @@ async function robotOf({ manifest, schema, frames }: BalanceCase) {
       ...{ schemaId: schema.id, seq: i, tS: t, codes: Int32Array.from(codes), atMs },
       ...{ freshMs: atMs, bornMs: atMs, changedMs: atMs },
     });
-    return watch.known;
+    return watch.known();
   };
   await vi.waitFor(() => expect(show(0)).not.toBeNull());
   return { twin, link, watch, show };
 }
 
-const margins = (watch: BalanceWatch) => watch.known?.stance?.marginMm ?? null;
+const margins = (watch: BalanceWatch) => watch.known()?.stance?.marginMm ?? null;
 
 beforeEach(() => changeSettings({ balance: 'auto' }));
 
 /** The missing data according to the watch; undefined before it knows anything. */
-function lacksNow({ known }: BalanceWatch) {
+function lacksNow(watch: BalanceWatch) {
+  const known = watch.known();
   return known === null
     ? undefined
     : lacksOf(known.balance, known.findings, known.problems).map(({ why }) => why);
@@ -70,7 +70,7 @@ describe('the watch over balance', () => {
       else expect(margins(watch)).toBeCloseTo(expected, 1);
     }
     expect(watch.isShown, 'it stands on two feet that measure').toBe(true);
-    expect(watch.known?.possible).toBe(true);
+    expect(watch.known()?.possible).toBe(true);
     expect(lacksNow(watch)).toEqual([]);
     expect(spokenStance(link)?.text).not.toBe('');
   });
@@ -113,7 +113,7 @@ describe('the watch over balance', () => {
   it('is computed at most ten times a second', async () => {
     const { show, watch } = await robotOf(named('stands'));
     show(1, 2000);
-    const { known } = watch;
+    const known = watch.known();
     expect(show(0, 2030)).toBe(known);
     expect(show(0, 2100)).not.toBe(known);
     expect(show(1, 500), 'back in time').not.toBe(known);
@@ -133,7 +133,7 @@ describe('the watch over balance', () => {
   ])('%s: what is lacking, and whether it is shown by itself', async (name, lacks, possible, byItself) => {
     const { watch } = await robotOf(named(name));
     expect(lacksNow(watch)).toEqual(lacks);
-    expect([watch.known?.possible, watch.isShownByItself]).toEqual([possible, byItself]);
+    expect([watch.known()?.possible, watch.isShownByItself]).toEqual([possible, byItself]);
     changeSettings({ balance: 'on' });
     expect(watch.isShown).toBe(true);
   });
@@ -148,12 +148,12 @@ describe('the watch over balance', () => {
     const codes = Int32Array.from(frames[0]!.codes);
     const at = { freshMs: 0, bornMs: 0, changedMs: 0, atMs: 1 };
     twin.acceptState({ schemaId: schema.id, seq: 1, tS: 0, codes, ...at });
-    expect(watch.known).toBeNull();
+    expect(watch.known()).toBeNull();
     twin.acceptModel('raw');
     await vi.waitFor(() => expect(lacksNow(watch)).toEqual(['raw']));
-    expect(watch.known?.possible, 'the picture has the ball').toBe(true);
+    expect(watch.known()?.possible, 'the picture has the ball').toBe(true);
     twin.acceptModel(null);
-    expect(watch.known, 'the model has gone').toBeNull();
+    expect(watch.known(), 'the model has gone').toBeNull();
   });
 });
 

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { afterEach, describe, expect, it } from 'vitest';
-import { bindSelection, channelOf } from '../../src/app/robot/body_selection.ts';
-import { selection, selectJoint } from '../../src/app/state/selection.ts';
+import { bindSelection, channelOf } from '../../src/app/robot/camera_controls.ts';
+import { selection, selectJoint } from '../../src/app/state/viewing.ts';
 import { JointChannels } from '../../src/twin/joint_channels.ts';
 import { KinematicTree } from '../../src/twin/kinematic_tree.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { parentOrigin, readParentRequest } from '../../src/app/pages/embed/messages.ts';
+import { parentOrigin, readParentRequest } from '../../src/app/pages/embed/parent.ts';
 
 describe('the page around a frame', () => {
   it('may ask for what the frame knows', () => {

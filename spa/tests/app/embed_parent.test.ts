@@ -1,10 +1,9 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { connectParent } from '../../src/app/pages/embed/parent.ts';
-import { showScene } from '../../src/app/shell/debug_api.ts';
-import { pastControls } from '../../src/app/state/moment.ts';
+import { shownScene } from '../../src/app/shell/debug_api.ts';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
-import { selection, selectJoint } from '../../src/app/state/selection.ts';
 import { settings } from '../../src/app/state/settings.ts';
+import { pastControls, selection, selectJoint } from '../../src/app/state/viewing.ts';
 import type { PastControls } from '../../src/past/past_types.ts';
 import type { BodyView } from '../../src/scene/figure/body_view.ts';
 
@@ -83,7 +82,7 @@ it('tells how far behind it is, when that changes', () => {
 
 it('hears the page around it, and no other', () => {
   const look = vi.fn();
-  showScene({ look } as unknown as BodyView);
+  shownScene.set({ look } as unknown as BodyView);
   const end = connectParent(link);
   const wish = { posecast: 'look', view: 'side' };
   hear({ source: parent, origin: 'https://evil.example', data: wish });
@@ -97,7 +96,7 @@ it('hears the page around it, and no other', () => {
   hear({ source: parent, origin: COURSE, data: { posecast: 'select', joint: 'RKN' } });
   expect(selection()?.joint).toBe('RKN');
   end();
-  showScene(null);
+  shownScene.set(null);
 });
 
 it('plays a recording, and nothing that is live or plays already', () => {

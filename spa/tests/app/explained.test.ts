@@ -1,11 +1,10 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterEach, expect, it } from 'vitest';
-import { explain, explainFlags, keysOfLabel, placeOf } from '../../src/app/explain/asked.ts';
-import { explainedBy } from '../../src/app/explain/catalogue.ts';
+import { explain, explainedBy, explainFlags, keysOfLabel, placeOf } from '../../src/app/explain/catalogue.ts';
 import en from '../../src/app/explain/en.json';
 import ko from '../../src/app/explain/ko.json';
-import { createTerm, createUnit } from '../../src/app/explain/term.ts';
+import { createTerm, createUnit } from '../../src/app/explain/terms.tsx';
 import formatSource from '../../src/twin/format.ts?raw';
 import { NUMBERS } from '../../src/twin/joints.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
@@ -28,7 +27,7 @@ const flag = (bit: string, source = 'RKN') => {
 };
 
 it('every column, unit and word that the page shows is in the catalogue', () => {
-  for (const name of [...NUMBERS, 'joint', 'homed', 'enabled', 'flags'])
+  for (const name of [...NUMBERS.map(({ name }) => name), 'joint', 'homed', 'enabled', 'flags'])
     expect(explainedBy(en, `columns.${name}`), name).not.toBeNull();
   const units = formatSource.matchAll(/unit: '([^']+)'/g);
   for (const [, unit] of units) expect(explainedBy(en, `units.${unit}`), unit).not.toBeNull();

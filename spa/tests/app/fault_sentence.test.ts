@@ -1,14 +1,13 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterEach, expect, it, vi } from 'vitest';
-import { flagSentence } from '../../src/app/explain/flag_sentence.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
 import { bindLanguage, korean } from '../../src/app/text/language.ts';
 import { faultSentence, timesWords } from '../../src/app/words/fault_sentence.ts';
 import { FaultLog } from '../../src/twin/alarms/fault_log.ts';
 import { fillSentence, sentenceOf } from '../../src/twin/alarms/sentence.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
-import { codesWith, SCHEMA_TEXT } from '../rigs/schema.ts';
+import { codesWith, SCHEMA_TEXT, stateOf } from '../rigs/schema.ts';
 
 const AT_MS = 1_800_000_000_000;
 const JAM = 7; // also homed and enabled
@@ -32,18 +31,7 @@ function watch(explain: object = TOLD, translated_names: object = {}) {
   const log = new FaultLog();
   twin.acceptSchema(schema);
   const look = (ms: number, changed: Parameters<typeof codesWith>[0]) => {
-    const codes = codesWith(changed);
-    const state = {
-      schemaId: schema.id,
-      seq: ms,
-      tS: 0,
-      codes,
-      freshMs: 0,
-      bornMs: 0,
-      changedMs: 0,
-      atMs: 0,
-    };
-    twin.acceptState(state);
+    twin.acceptState(stateOf(codesWith(changed), { schemaId: schema.id, seq: ms }));
     log.rows(twin.joints()!.rows, AT_MS + ms);
   };
   const told = (ms: number) => faultSentence(twin, log, log.faults[0]!, AT_MS + ms);
@@ -108,7 +96,7 @@ it('speaks the language of the page, or English', async () => {
   await bindLanguage();
   await vi.waitFor(() => expect(korean()).not.toBeNull());
   expect(told(500).said).toBe('오른쪽 무릎: 막힘. 0.40 rad 벗어남.');
-  expect(flagSentence(twin, 'RKN', 'pwmSaturated')).toBeNull();
+  expect(sentenceOf(twin.schema, 'RKN', 'pwmSaturated', 'ko')).toBeNull();
   look(600, {});
   expect(told(700).said).toBe('지난 고장 — 오른쪽 무릎: 막힘.');
   changeSettings({ language: 'en' });

@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { expect, it } from 'vitest';
 import { JointCardView } from '../../src/app/numbers/table/joint_card_view.ts';
-import { HistoryKeeper } from '../../src/app/state/history_keeper.ts';
+import { HistoryKeeper } from '../../src/app/state/robot_link.ts';
 import type { PastState } from '../../src/past/past_types.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { schemaOf } from '../rigs/past_recordings.ts';

@@ -1,13 +1,17 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
-import { filterText, setFilter } from '../../src/app/numbers/table/filter.ts';
-import { JointView, type TableSources } from '../../src/app/numbers/table/joint_view.ts';
-import { selection, selectJoint } from '../../src/app/state/selection.ts';
+import {
+  filterText,
+  JointView,
+  setFilter,
+  type TableSources,
+} from '../../src/app/numbers/table/joint_view.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
+import { selection, selectJoint } from '../../src/app/state/viewing.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { LastReadings } from '../../src/twin/sensors/last_readings.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { codesWith, SCHEMA, stateOf } from '../rigs/schema.ts';
 
 const JAM = 4;
 
@@ -23,16 +27,7 @@ function table(from: TableSources = {}, schema = SCHEMA) {
   let seq = 0;
   const say = (changed: Parameters<typeof codesWith>[0], atMs: number, codes = codesWith(changed)) => {
     seq += 1;
-    twin.acceptState({
-      schemaId: schema.id,
-      seq,
-      tS: seq / 30,
-      codes,
-      freshMs: 0,
-      bornMs: 0,
-      changedMs: 0,
-      atMs,
-    });
+    twin.acceptState(stateOf(codes, { schemaId: schema.id, seq, tS: seq / 30, atMs }));
     view.write(atMs);
   };
   const cell = (field: string, label: string) =>
@@ -317,5 +312,56 @@ describe('what an update costs', () => {
       say({}, 300 + n * 100, pose(walk));
     }
     expect(host.querySelectorAll('*').length).toBe(nodes);
+  });
+});
+
+describe('the columns', () => {
+  const heads = (host: HTMLElement) => [...host.querySelectorAll('thead th')].map((head) => head.textContent);
+
+  it('show what the robot reports, in the units that the viewer wants', () => {
+    const { host, view, say, cell } = table();
+    view.write(0);
+    expect(host.querySelectorAll('tbody th'), 'before the first frame has come').toHaveLength(3);
+    expect(host.querySelector('table')?.dataset.seq).toBeUndefined();
+    say({ 'ref.RKN': 500, 'pos.RKN': -480, 'temp.RKN': null, 'flags.RKN': 1 }, 0);
+    expect(host.querySelector('table')?.dataset.seq).toBe('1');
+    const shown = ['ref', 'pos', 'error', 'temp', 'homed', 'enabled'].map(
+      (field) => cell(field, 'RKN').textContent,
+    );
+    expect(shown).toEqual(['0.500', '\u22120.480', '0.980', '—', '✓', 'no']);
+    changeSettings({ angle: 'deg' });
+    say({ 'pos.RKN': 1571 }, 100);
+    expect(cell('pos', 'RKN').textContent).toBe('90.0');
+    expect([...host.querySelectorAll('thead .unit')].map(({ textContent }) => textContent)).toEqual([
+      ...['°', '°', '°', 'A', '°C'],
+    ]);
+    expect(heads(host).join()).not.toMatch(/vel|effort/);
+  });
+
+  it('have another unit for a joint that slides, whatever angles are shown in', () => {
+    const gripper = parseSchema(
+      JSON.stringify({
+        ...{ type: 'schema', v: 1, robot: 'Gripper', labels: { joint: ['arm', 'finger'] } },
+        fields: [
+          { name: 'pos', unit: 'rad', scale: 0.0001, labels: 'joint' },
+          { name: 'vel', unit: 'rad/s', scale: 0.001, labels: 'joint' },
+        ],
+        mapping: { units: { pos: { finger: 'm' }, vel: { finger: 'm/s' } } },
+      }),
+    );
+    const { say, cell } = table({}, gripper);
+    const shown = (field: string) => [cell(field, 'finger').textContent, cell(field, 'finger').dataset.unit];
+    for (const [angle, arm] of [
+      ['rad', '1.000'],
+      ['deg', '57.3'],
+    ] as const) {
+      changeSettings({ angle });
+      say({}, 0, Int32Array.of(10_000, 293, 0, 25));
+      expect(cell('pos', 'arm').textContent).toBe(arm);
+      expect([shown('pos'), shown('vel')]).toEqual([
+        ['0.0293', 'm'],
+        ['0.025', 'm/s'],
+      ]);
+    }
   });
 });

@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { keepLoading } from '../../src/app/robot/keep_loading.ts';
+import { keepLoading } from '../../src/app/robot/use_body_view.ts';
 import { retryNow } from '../../src/browser/retry.ts';
 import type { ModelReport } from '../../src/model/report.ts';
 

@@ -3,7 +3,7 @@ import { createElement } from 'react';
 import { createRoot } from 'react-dom/client';
 import { afterEach, expect, it, vi } from 'vitest';
 import { KeysSheet } from '../../src/app/settings/KeysSheet.tsx';
-import { pastControls } from '../../src/app/state/moment.ts';
+import { pastControls } from '../../src/app/state/viewing.ts';
 import { moreKo } from '../../src/app/text/ko.ts';
 import { FakePast } from '../rigs/past_fake.ts';
 

@@ -1,36 +1,43 @@
 import { afterEach, expect, it } from 'vitest';
 import { en } from '../../src/app/text/en.ts';
-import { ko, moreKo, pastKo } from '../../src/app/text/ko.ts';
+import * as korean from '../../src/app/text/ko.ts';
 import { say, wantedLanguage } from '../../src/app/text/language.ts';
+import * as late from '../../src/app/text/late_en.ts';
 import { moreEn } from '../../src/app/text/more_en.ts';
-import { pastEn } from '../../src/app/text/past/past_en.ts';
 
 afterEach(() => {
   expect(say(), 'a test changes no language').toBe(en);
 });
 
 it.each([
-  ['of the first second', en, ko],
-  ['of the rest', moreEn, moreKo],
-  ['of the past', pastEn, pastKo],
-])('has the same sentences in English and Korean, with the same gaps to fill: %s', (_, english, korean) => {
-  expect(Object.keys(korean).sort()).toEqual(Object.keys(english).sort());
-  for (const [key, said] of Object.entries<unknown>(english)) {
-    const translated: unknown = korean[key as keyof typeof korean];
-    if (typeof said === 'function' && typeof translated === 'function') {
-      expect(translated.length, key).toBe(said.length);
-      const gaps = Array.from({ length: said.length }, (_unused, i) =>
-        key === 'noReadingOf' && i === 0 ? ['§0'] : `§${i}`,
-      );
-      for (const gap of gaps.flat()) {
-        if (said(...gaps).includes(gap)) expect(translated(...gaps), key).toContain(gap);
+  ['of the first second', en, korean.ko],
+  ['of the rest', moreEn, korean.moreKo],
+  ['of the past', late.pastEn, korean.pastKo],
+  ['of moments', late.momentsEn, korean.momentsKo],
+  ['of recordings', late.recordingEn, korean.recordingKo],
+  ['of balance', late.balanceEn, korean.balanceKo],
+  ['of accounts', late.accountEn, korean.accountKo],
+])(
+  'has the same sentences in English and Korean, with the same gaps to fill: %s',
+  (_, english, translation) => {
+    expect(Object.keys(translation).sort()).toEqual(Object.keys(english).sort());
+    for (const [key, said] of Object.entries<unknown>(english)) {
+      const translated: unknown = translation[key as keyof typeof translation];
+      if (typeof said === 'function' && typeof translated === 'function') {
+        expect(translated.length, key).toBe(said.length);
+        const gaps = Array.from({ length: said.length }, (_unused, i) =>
+          key === 'noReadingOf' && i === 0 ? ['§0'] : `§${i}`,
+        );
+        for (const gap of gaps.flat()) {
+          if (said(...gaps).includes(gap)) expect(translated(...gaps), key).toContain(gap);
+        }
+      } else {
+        expect(typeof translated, key).toBe('string');
+        expect(translated, `${key} is left in English`).not.toBe(said);
       }
-    } else {
-      expect(typeof translated, key).toBe('string');
-      expect(translated, `${key} is left in English`).not.toBe(said);
     }
-  }
-});
+  },
+);
 
 it('is the one that was chosen, else the first of the browser’s that the page speaks', () => {
   expect(wantedLanguage('ko', ['en'])).toBe('ko');

@@ -2,8 +2,7 @@
 import { createElement } from 'react';
 import { createRoot } from 'react-dom/client';
 import { expect, it, vi } from 'vitest';
-import { NoPast } from '../../src/app/past/PastBelowBody.tsx';
-import { missedMoment, useMomentNamed } from '../../src/app/past/use_past.ts';
+import { missedMoment, NoPast, useMomentNamed } from '../../src/app/past/PastBelowBody.tsx';
 
 function Page() {
   const why = missedMoment(useMomentNamed(), undefined);

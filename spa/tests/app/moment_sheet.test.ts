@@ -1,22 +1,16 @@
 // @vitest-environment happy-dom
-import { createElement } from 'react';
-import { createRoot, type Root } from 'react-dom/client';
-import { afterEach, describe, expect, it, vi } from 'vitest';
-import { MomentSheet } from '../../src/app/past/time_line/jump/MomentSheet.tsx';
-import { momentSheet } from '../../src/app/past/time_line/jump/moment_sheet.ts';
+import { describe, expect, it, vi } from 'vitest';
+import { MomentSheet } from '../../src/app/past/jump/MomentSheet.tsx';
+import { chooseOn, chosenOn } from '../../src/app/past/time_line/line.ts';
 import type { PastEvent } from '../../src/past/past_types.ts';
 import { nowMs } from '../../src/stream/clock.ts';
 import type { RobotTwin } from '../../src/twin/robot.ts';
+import { mount } from '../rigs/mounted.ts';
 import { FakePast, timelineOf } from '../rigs/past_fake.ts';
 
 HTMLDialogElement.prototype.showModal ??= function showModal(this: HTMLDialogElement) {
   this.open = true;
 };
-let root: Root | null = null;
-afterEach(() => {
-  root?.unmount();
-  document.body.replaceChildren();
-});
 
 /** Waits until a check passes, even on a busy machine. */
 const until = <T>(check: () => T) => vi.waitFor(check, 10_000);
@@ -26,12 +20,9 @@ const DAY = 1440 * MIN;
 const TWIN = { schema: null, robot: 'demo' } as unknown as RobotTwin;
 
 async function sheet(past: FakePast) {
-  const host = document.createElement('div');
-  document.body.append(host);
-  root = createRoot(host);
-  momentSheet.set(past);
-  root.render(createElement(MomentSheet, { controls: past, twin: TWIN }));
-  await until(() => expect(host.querySelector('dialog')).not.toBeNull());
+  chooseOn(past, { isJumpOpen: true });
+  const { host, find: wait } = mount(MomentSheet, { controls: past, twin: TWIN });
+  await wait('dialog');
   const find = <T extends HTMLElement>(selector: string) => host.querySelector<T>(selector)!;
   const type = async (testId: string, value: string) => {
     const field = find<HTMLInputElement>(`[data-testid=${testId}]`);
@@ -53,7 +44,7 @@ const timeOf = (atMs: number) => new Date(atMs).toTimeString().slice(0, 8);
 
 /** Three days, each with its last two hours recorded; the newest ends now. */
 function threeDays(unknown = false) {
-  const now = Math.floor(nowMs() / 1000) * 1000;
+  const now = Math.floor(nowMs() / MIN) * MIN - 53_000; // a field for a time leaves out seconds that are 0
   const spans = [2, 1, 0].map((ago) => ({
     fromMs: now - ago * DAY - 120 * MIN,
     toMs: now - ago * DAY,
@@ -83,7 +74,7 @@ describe('going to a moment', () => {
     await until(() => expect(hint()).toBe('This moment was recorded.'));
     find('[data-testid=moment-go]').click();
     await until(() => expect(past.told).toContain(`open ${(now - wanted) / 1000}`));
-    expect(momentSheet.get()).toBeNull();
+    expect(chosenOn(past).get().isJumpOpen).toBe(false);
   });
 
   it('says what is nearest where nothing was recorded, and goes there', async () => {
@@ -160,7 +151,7 @@ describe('the last faults', () => {
     expect(plain(older!)).toMatch(/for 10 s/);
     older!.click();
     await until(() => expect(past.told.at(-1)).toBe('seek 302'));
-    expect(momentSheet.get()).toBeNull();
+    expect(chosenOn(past).get().isJumpOpen).toBe(false);
   });
 
   it('have what is missing fetched, newest first, some at a time, and say so when the relay is away', async () => {

@@ -10,9 +10,9 @@ import {
   PAGE_KEYS,
   signOf,
   usePageKeys,
+  usePopover,
   withKey,
 } from '../../src/app/shell/page_keys.ts';
-import { usePopover } from '../../src/app/shell/popover.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
 
 const ACTIONS = Object.keys(PAGE_KEYS) as KeyAction[];

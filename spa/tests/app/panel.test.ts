@@ -1,24 +1,20 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { createElement, useState } from 'react';
-import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
 import { Panel, type Tab } from '../../src/app/numbers/Panel.tsx';
-import { setFilter } from '../../src/app/numbers/table/filter.ts';
+import { setFilter } from '../../src/app/numbers/table/joint_view.ts';
 import { FaultKeeper } from '../../src/app/state/fault_keeper.ts';
-import { HistoryKeeper } from '../../src/app/state/history_keeper.ts';
-import { setOwnLimit } from '../../src/app/state/limit_edits.ts';
+import { setOwnLimit } from '../../src/app/state/limits.ts';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
-import { selection, selectJoint } from '../../src/app/state/selection.ts';
+import { HistoryKeeper } from '../../src/app/state/robot_link.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
-import { clearTraces, traces } from '../../src/app/state/traces.ts';
+import { clearTraces, selection, selectJoint, traces } from '../../src/app/state/viewing.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { mount } from '../rigs/mounted.ts';
+import { codesWith, SCHEMA, stateOf } from '../rigs/schema.ts';
 
 const pen = new Proxy({}, { get: () => () => pen, set: () => true });
-/** A late part must be compiled first, on a possibly busy machine. */
-const PATIENCE_MS = 20_000;
-let root: Root | null = null;
 
 beforeAll(() => {
   vi.stubGlobal(
@@ -41,9 +37,7 @@ beforeEach(() => {
 });
 
 afterEach(() => {
-  root?.unmount();
   selectJoint(null);
-  document.body.replaceChildren();
 });
 
 function Page({ link }: { link: RobotLink }) {
@@ -61,34 +55,14 @@ async function panel(twin = new RobotTwin('small', 0)) {
     nowMs: Date.now,
     watch: { word: 'LIVE' },
   } as unknown as RobotLink;
-  const host = document.createElement('div');
-  document.body.append(host);
-  const made = createRoot(host);
-  root = made;
-  made.render(createElement(Page, { link }));
+  const { host, find, says: waitForText } = mount(Page, { link });
   let seq = 0;
   const say = async (changed: Parameters<typeof codesWith>[0], schema = SCHEMA) => {
     seq += 1;
     const codes = schema === SCHEMA ? codesWith(changed) : new Int32Array(schema.size);
-    twin.acceptState({
-      ...{ schemaId: schema.id, seq, tS: seq / 30, codes, freshMs: 0, bornMs: 0, changedMs: 0 },
-      atMs: Date.now(),
-    });
+    twin.acceptState(stateOf(codes, { schemaId: schema.id, seq, tS: seq / 30, atMs: Date.now() }));
   };
-  const find = async <T extends Element = HTMLElement>(selector: string) => {
-    const seen = () => {
-      const found = host.querySelector<T>(selector);
-      if (found === null) throw new Error(`no ${selector} in ${host.innerHTML.slice(0, 300)}`);
-      return found;
-    };
-    return vi.waitFor(seen, PATIENCE_MS);
-  };
-  const click = async (selector: string) => {
-    const found = await find(selector);
-    found.click();
-  };
-  const waitForText = (selector: string, text: string | RegExp) =>
-    vi.waitFor(() => expect(host.querySelector(selector)?.textContent).toMatch(text), PATIENCE_MS);
+  const click = async (selector: string) => (await find(selector)).click();
   return { twin, host, say, find, click, waitForText };
 }
 
@@ -192,7 +166,7 @@ describe('the numbers', { timeout: 60_000 }, () => {
     await vi.waitFor(() => {
       window.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' })); // it starts listening a moment after it is shown
       expect(host.querySelector('[data-testid=joint-card]')).toBeNull();
-    }, PATIENCE_MS);
+    }, 20_000);
     expect(selection()).toBeNull();
   });
 

@@ -1,7 +1,6 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, describe, expect, it } from 'vitest';
-import { loopStart } from '../../src/app/past/time_line/loop_start.ts';
-import { lineKeys, pastKeys } from '../../src/app/past/time_line/past_keys.ts';
+import { chosenOn, lineKeys, pastKeys } from '../../src/app/past/time_line/line.ts';
 import { addPageKeys } from '../../src/app/shell/page_keys.ts';
 import { FakePast } from '../rigs/past_fake.ts';
 
@@ -62,6 +61,12 @@ describe('keys all over the page', () => {
     expect(past.told).toEqual(['step -1', 'skip -10000', 'fault -1', 'toggle']);
   });
 
+  it('do nothing where there is no past', () => {
+    past.timeline = null;
+    expect(press(' ')).toBe(false);
+    expect(past.told).toEqual([]);
+  });
+
   it('lead back to live', () => {
     past.rest(100);
     expect(press('E')).toBe(true);
@@ -73,19 +78,19 @@ describe('keys all over the page', () => {
     for (const key of [',', '.', 'j', 'l', ' ', 'b', 'n', '[', ']', 'o', 'e', 'g'])
       expect(press(key, { repeat: true }), key).toBe(true);
     expect(past.told).toEqual(['step -1', 'step 1', 'skip -10000', 'skip 10000']);
-    expect(loopStart(past).get()).toBeNull();
+    expect(chosenOn(past).get().loopStartMs).toBeNull();
   });
 
   it('set a loop with the first and second press and end it with the third', () => {
     past.rest(100);
     press('o');
-    expect(loopStart(past).get()).toBe(T - 100_000);
+    expect(chosenOn(past).get().loopStartMs).toBe(T - 100_000);
     past.rest(130);
     press('o');
     past.rest(110);
     press('o');
     expect(past.told).toEqual(['loop 130 to 100', 'no loop']);
-    expect(loopStart(past).get()).toBeNull();
+    expect(chosenOn(past).get().loopStartMs).toBeNull();
   });
 
   it('make no loop of no length', () => {

@@ -5,7 +5,7 @@ import type { PlotManner, PlotStack as Stack } from '../../src/app/numbers/plots
 import { moreEn } from '../../src/app/text/more_en.ts';
 import { History } from '../../src/twin/plots/history.ts';
 import type { Trace } from '../../src/twin/plots/trace.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { codesWith, SCHEMA, stateOf } from '../rigs/schema.ts';
 
 /** Browser tests check the pictures: nothing is drawn here. */
 const pen = new Proxy({}, { get: () => () => pen, set: () => true });
@@ -30,10 +30,8 @@ beforeAll(async () => {
 afterAll(() => vi.unstubAllGlobals());
 beforeEach(() => document.body.replaceChildren());
 
-const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => ({
-  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, bornMs: 0, changedMs: 0 },
-  atMs,
-});
+const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) =>
+  stateOf(codesWith(changed), { atMs });
 
 function stack(list: readonly Trace[], manner: Partial<PlotManner> = {}) {
   const host = document.createElement('div');

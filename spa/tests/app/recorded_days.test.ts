@@ -1,13 +1,13 @@
 import { afterEach, describe, expect, it } from 'vitest';
-import { listIncidents, newestHole } from '../../src/app/past/time_line/incidents/incident_list.ts';
+import { listIncidents, newestHole } from '../../src/app/past/jump/incident_list.ts';
 import {
   dayOf,
   listDays,
   listHours,
   nearestRecorded,
   unknownOf,
-} from '../../src/app/past/time_line/jump/recorded_days.ts';
-import { ALL, arrowMs, scaleFor, scaleIn, scalesOf } from '../../src/app/past/time_line/scales.ts';
+} from '../../src/app/past/jump/recorded_days.ts';
+import { ALL, arrowMs, scaleFor, scaleIn, scalesOf } from '../../src/app/past/time_line/line.ts';
 import type { PastEvent, Timeline } from '../../src/past/past_types.ts';
 import { timelineOf } from '../rigs/past_fake.ts';
 

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { noteMarks, noteShownAt, noteWords, TOGETHER_PX } from '../../src/app/pages/recording/notes.ts';
+import { noteMarks, noteShownAt, noteWords, TOGETHER_PX } from '../../src/app/pages/recording/Notes.tsx';
 import {
   lengthWords,
   lostWords,

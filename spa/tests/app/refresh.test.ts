@@ -1,7 +1,7 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { refreshWith } from '../../src/app/shell/refresh.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { codesWith, SCHEMA, stateOf } from '../rigs/schema.ts';
 
 beforeEach(() => void vi.useFakeTimers());
 afterEach(() => void vi.useRealTimers());
@@ -25,19 +25,7 @@ function written(leastMs?: number) {
     [also],
     leastMs,
   );
-  const frame = () =>
-    twin.acceptState({
-      ...{
-        schemaId: SCHEMA.id,
-        seq: 1,
-        tS: 0,
-        codes: codesWith(),
-        freshMs: 0,
-        bornMs: 0,
-        changedMs: 0,
-        atMs: 0,
-      },
-    });
+  const frame = () => twin.acceptState(stateOf(codesWith()));
   return { frame, end, tell: () => told(), writes: () => writes };
 }
 

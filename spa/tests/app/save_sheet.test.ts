@@ -1,10 +1,7 @@
 // @vitest-environment happy-dom
-import { createElement } from 'react';
-import { createRoot, type Root } from 'react-dom/client';
 import { afterEach, beforeAll, describe, expect, it, vi } from 'vitest';
 import { bytesWords } from '../../src/app/past/save/Outcome.tsx';
 import { SaveSheet } from '../../src/app/past/save/SaveSheet.tsx';
-import { saveEn } from '../../src/app/past/save/save_en.ts';
 import {
   choicesOf,
   customSpan,
@@ -13,8 +10,10 @@ import {
   offerOf,
   spanOf,
 } from '../../src/app/past/save/span_choice.ts';
+import { saveEn } from '../../src/app/text/late_en.ts';
 import { PastError } from '../../src/past/past_source.ts';
 import type { Playhead } from '../../src/past/past_types.ts';
+import { mount, unmount } from '../rigs/mounted.ts';
 import { FakePast, timelineOf } from '../rigs/past_fake.ts';
 import { FakeSource } from '../rigs/past_player_rig.ts';
 import { FROM_MS, recorded, sent } from '../rigs/past_recordings.ts';
@@ -76,7 +75,6 @@ it('says how large a file is', () => {
 });
 
 describe('the sheet', () => {
-  let root: Root | null = null;
   const saved: { name: string; blob: Blob }[] = [];
   const blobs = new Map<string, Blob>();
 
@@ -94,23 +92,17 @@ describe('the sheet', () => {
   });
 
   afterEach(() => {
-    root?.unmount();
-    document.body.replaceChildren();
     saved.length = 0;
   });
 
   function open(source: FakeSource) {
-    const host = document.createElement('div');
-    document.body.append(host);
-    root = createRoot(host);
-    const past = new FakePast(FROM_MS + 20_000);
-    root.render(
-      createElement(SaveSheet, { controls: past, source, manifestUrl: NO_MODEL, onClose: () => {} }),
-    );
+    const controls = new FakePast(FROM_MS + 20_000);
+    const { host, says: hostSays } = mount(SaveSheet, {
+      ...{ controls, source, manifestUrl: NO_MODEL, onClose: () => {} },
+    });
     const find = <E extends HTMLElement>(testId: string) =>
       host.querySelector<E>(`[data-testid="${testId}"]`) ?? null;
-    const says = (testId: string, words: string | RegExp) =>
-      vi.waitFor(() => expect(find(testId)?.textContent).toMatch(words), 5000);
+    const says = (testId: string, words: string | RegExp) => hostSays(`[data-testid="${testId}"]`, words);
     const ready = () =>
       vi.waitFor(() => expect(find<HTMLButtonElement>('save-go')?.disabled).toBe(false), 5000);
     return { find, says, ready };
@@ -144,8 +136,7 @@ describe('the sheet', () => {
     const { find, says } = open(new FakeSource([]));
     await says('save-measure', saveEn.nothing);
     expect(find<HTMLButtonElement>('save-go')!.disabled).toBe(true);
-    root!.unmount();
-    document.body.replaceChildren();
+    unmount();
     const away = new FakeSource(recorded(sent(30)));
     away.isAway = true;
     await open(away).says('save-measure', saveEn.away);

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
-import { readShared, sharedQuery } from '../../src/app/share/shared_view.ts';
-import { momentIn } from '../../src/app/state/moment.ts';
-import { queryOf, readSettings } from '../../src/app/state/settings.ts';
+import { readShared, sharedQuery } from '../../src/app/share/view_address.ts';
+import { momentIn, queryOf } from '../../src/app/state/address.ts';
+import { readSettings } from '../../src/app/state/settings.ts';
 
 const usual = readSettings(null);
 

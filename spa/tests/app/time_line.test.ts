@@ -1,17 +1,15 @@
 // @vitest-environment happy-dom
 import { createElement } from 'react';
-import { createRoot, type Root } from 'react-dom/client';
-import { afterEach, beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
-import { momentSheet } from '../../src/app/past/time_line/jump/moment_sheet.ts';
-import { pastKeys } from '../../src/app/past/time_line/past_keys.ts';
+import { beforeAll, beforeEach, describe, expect, it, vi } from 'vitest';
+import { chooseOn, chosenOn, pastKeys } from '../../src/app/past/time_line/line.ts';
 import { TimeLine } from '../../src/app/past/time_line/TimeLine.tsx';
-import { addPageKeys, usePageKeys } from '../../src/app/shell/page_keys.ts';
+import { usePageKeys } from '../../src/app/shell/page_keys.ts';
 import { nowMs } from '../../src/stream/clock.ts';
+import { mount, unmount } from '../rigs/mounted.ts';
 import { FakePast, timelineOf } from '../rigs/past_fake.ts';
 
 /** A track of ten minutes, on which a pixel is about a second. */
 const WIDTH_PX = 614;
-let root: Root | null = null;
 let frames: (() => void)[] = [];
 
 beforeAll(() => {
@@ -26,11 +24,6 @@ beforeEach(() => {
   frames = [];
 });
 
-afterEach(() => {
-  root?.unmount();
-  document.body.replaceChildren();
-});
-
 function Page({ past }: { past: FakePast }) {
   usePageKeys(() => pastKeys(past, null));
   return createElement(TimeLine, { controls: past });
@@ -38,16 +31,7 @@ function Page({ past }: { past: FakePast }) {
 
 /** The time line of a robot with ten minutes of past. */
 async function timeLine(past = new FakePast(nowMs())) {
-  const host = document.createElement('div');
-  document.body.append(host);
-  root = createRoot(host);
-  root.render(createElement(Page, { past }));
-  const find = (testId: string) =>
-    vi.waitFor(() => {
-      const found = host.querySelector<HTMLElement>(`[data-testid="${testId}"]`);
-      if (found === null) throw new Error(`no ${testId} in ${host.innerHTML.slice(0, 300)}`);
-      return found;
-    }, 10_000); // the first to need a late part waits until that is compiled
+  const { host, findById: find } = mount(Page, { past });
   const gone = (testId: string) =>
     vi.waitFor(() => expect(host.querySelector(`[data-testid="${testId}"]`)).toBeNull());
   const named = (name: string) => host.querySelector<HTMLElement>(`[aria-label^="${name}"]`)!;
@@ -117,8 +101,7 @@ describe('the time line', () => {
     expect(past.told.at(-1)).toBe('settle');
     pointer(track, 'pointerdown', 207);
     expect(past.told.at(-1)).toMatch(/^scrub/);
-    root?.unmount();
-    root = null;
+    unmount();
     await vi.waitFor(() => expect(past.told.at(-1)).toBe('settle'));
   });
 
@@ -269,27 +252,17 @@ describe('the time line', () => {
     expect(Number(rect.getAttribute('width'))).toBeGreaterThanOrEqual(12);
   });
 
-  it('has numbers in place of faults that would lie over one another', async () => {
-    const now = nowMs();
-    const marks = [300, 299, 298, 200, 60].map((agoS) => ({ atMs: now - agoS * 1000 }));
-    const { host } = await timeLine(new FakePast(now, timelineOf(now, 10, marks)));
-    await vi.waitFor(() => expect(host.querySelectorAll('.track-mark')).toHaveLength(3));
-    expect(host.querySelector('.track-count')?.textContent).toBe('3');
-  });
-
   it('opens the sheet of moments by its button, by the clock and by G', async () => {
     const { past, find, host } = await timeLine();
-    (await find('jump')).click();
-    expect(momentSheet.get()).toBe(past);
-    momentSheet.set(null);
     past.rest(120);
     await find('transport');
-    host.querySelector<HTMLElement>('.transport-moment')!.click();
-    expect(momentSheet.get()).toBe(past);
-    momentSheet.set(null);
-    expect(key(document.body, 'g')).toBe(true);
-    expect(momentSheet.get()).toBe(past);
-    momentSheet.set(null);
+    const jump = await find('jump');
+    const clock = host.querySelector<HTMLElement>('.transport-moment')!;
+    for (const ask of [() => jump.click(), () => clock.click(), () => key(document.body, 'g')]) {
+      ask();
+      expect(chosenOn(past).get().isJumpOpen).toBe(true);
+      chooseOn(past, { isJumpOpen: false });
+    }
   });
 
   it('has hundredths at the playhead where it rests, also where a phone shows nothing else', async () => {
@@ -359,55 +332,5 @@ describe('the time line', () => {
     expect(track.getAttribute('aria-valuetext')).toBe(said);
     past.set({ momentMs: past.playhead.momentMs + 10_000 });
     await vi.waitFor(() => expect(track.getAttribute('aria-valuetext')).not.toBe(said));
-  });
-});
-
-describe('keys', () => {
-  it('move the focused line, and no camera', async () => {
-    const { past, find } = await timeLine();
-    const track = await find('track');
-    track.focus();
-    expect(past.told).toEqual(['attend']);
-    past.rest(100);
-    const turn = vi.fn();
-    const leave = addPageKeys(() => ({ turn }), document.createElement('canvas'));
-    expect(key(track, 'ArrowLeft')).toBe(true);
-    expect(turn).not.toHaveBeenCalled();
-    leave();
-    expect(key(track, 'ArrowLeft', { ctrlKey: true })).toBe(false);
-    expect(past.told).toEqual(['attend', 'seek 101']);
-  });
-
-  it('work all over the page, but not while something is typed, pressed or asked', async () => {
-    const { past, find, named } = await timeLine();
-    const track = await find('track');
-    past.rest(100);
-    await find('transport');
-    const field = document.createElement('input');
-    const dialog = document.createElement('dialog');
-    document.body.append(field, dialog);
-    expect(key(field, 'j')).toBe(false);
-    expect(key(document.querySelector('select')!, ' ')).toBe(false);
-    expect(key(named('Back 10 s'), ' ')).toBe(false);
-    expect(key(document.body, 'j', { metaKey: true })).toBe(false);
-    dialog.setAttribute('open', '');
-    expect(key(document.body, 'j')).toBe(false);
-    dialog.remove();
-    expect(past.told).toEqual([]);
-    expect(key(document.body, ' ')).toBe(true);
-    expect(key(track, ' ')).toBe(true);
-    expect(key(named('Back 10 s'), 'j')).toBe(true);
-    expect(past.told).toEqual(['toggle', 'toggle', 'skip -10000']);
-    pointer(named('Back 10 s'), 'pointerdown', 10);
-    expect(key(named('Back 10 s'), ' '), 'clicked, it does not hold Space').toBe(true);
-    key(document.body, 'Tab');
-    expect(key(named('Back 10 s'), ' '), 'come to by the keyboard, it is pressed by Space').toBe(false);
-  });
-
-  it('do nothing where there is no past', async () => {
-    const { past } = await timeLine(new FakePast(nowMs(), null));
-    await Promise.resolve();
-    key(document.body, ' ');
-    expect(past.told).toEqual([]);
   });
 });

@@ -1,10 +1,9 @@
 import { describe, expect, it } from 'vitest';
-import { markNear } from '../../src/app/past/time_line/marks.ts';
+import { ALL } from '../../src/app/past/time_line/line.ts';
 import { goingOn, movementPath, runsOf } from '../../src/app/past/time_line/movement.ts';
-import { ALL } from '../../src/app/past/time_line/scales.ts';
-import { whatWords } from '../../src/app/past/time_line/Tip.tsx';
+import { whatWords } from '../../src/app/past/time_line/Track.tsx';
 import { drawnMarks, drawnWords } from '../../src/app/past/time_line/TrackPicture.tsx';
-import { msAt, pxAt, shownSpan } from '../../src/app/past/time_line/track_view.ts';
+import { markNear, msAt, pxAt, shownSpan } from '../../src/app/past/time_line/track_view.ts';
 import { relayAhead } from '../../src/past/player/playhead_state.ts';
 import { timelineOf } from '../rigs/past_fake.ts';
 

@@ -1,8 +1,9 @@
 // @vitest-environment happy-dom
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { bindAddress } from '../../src/app/share/view_address.ts';
-import { shownMoment } from '../../src/app/state/moment.ts';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
+import { shownMoment } from '../../src/app/state/viewing.ts';
+import { Emitter } from '../../src/kit.ts';
 import type { BodyView } from '../../src/scene/figure/body_view.ts';
 
 const MOMENT = Date.UTC(2026, 10, 22, 14, 2, 7);
@@ -14,6 +15,7 @@ beforeEach(() => {
   unbind = bindAddress(
     { stand: null } as BodyView,
     { twin: { schema: null, onChange: () => () => {} } } as unknown as RobotLink,
+    new Emitter(),
   );
 });
 

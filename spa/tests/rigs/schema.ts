@@ -1,4 +1,5 @@
 import { Encoder, MISSING, parseSchema } from '@posecast/wire';
+import type { RobotState } from '../../src/twin/robot.ts';
 
 /** A small robot with one of everything, for the tests of twin, stream and table. */
 export const SCHEMA_TEXT = JSON.stringify({
@@ -58,6 +59,12 @@ export function codesWith(changed: Readonly<Record<string, number | null>> = {})
     set(channel.slice(0, dot), channel.slice(dot + 1), code);
   }
   return codes;
+}
+
+/** A state as the stream hands it over. */
+export function stateOf(codes: Int32Array, more: Partial<RobotState> = {}): RobotState {
+  const times = { tS: 0, freshMs: 0, bornMs: 0, changedMs: 0, atMs: 0 };
+  return { schemaId: SCHEMA.id, seq: 1, codes, ...times, ...more };
 }
 
 /** The frames of one run, as an edge would send them. */

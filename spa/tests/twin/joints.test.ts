@@ -67,8 +67,8 @@ describe('joint rows', () => {
   it('take their level from the worst of flags, limits and tolerance', () => {
     expect(row({ 'flags.RKN': HOMED | PWM }).level).toBe('caution');
     expect(row({ 'flags.RKN': HOMED | COMPLY }).level).toBe('ok');
-    expect(row({ 'temp.RKN': 57 })).toMatchObject({ level: 'caution', tempLevel: 'caution' });
-    expect(row({ 'temp.RKN': 71 })).toMatchObject({ level: 'fault', tempLevel: 'fault' });
+    expect(row({ 'temp.RKN': 57 })).toMatchObject({ level: 'caution', levels: { temp: 'caution' } });
+    expect(row({ 'temp.RKN': 71 })).toMatchObject({ level: 'fault', levels: { temp: 'fault' } });
     expect(row({ 'ref.RKN': 51 })).toMatchObject({ level: 'caution', apart: true });
     expect(row({ 'ref.RKN': 49 })).toMatchObject({ level: 'ok', apart: false });
   });

@@ -8,7 +8,7 @@ import {
   removeTrace,
   toggleTrace,
   traces,
-} from '../../src/app/state/traces.ts';
+} from '../../src/app/state/viewing.ts';
 import { HISTORY_S, History } from '../../src/twin/plots/history.ts';
 import { traceReading } from '../../src/twin/plots/trace.ts';
 import { csvOf, plotData, plotGroups, sheetOf } from '../../src/twin/plots/window.ts';

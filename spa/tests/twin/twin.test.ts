@@ -116,11 +116,11 @@ describe('twin', () => {
     const read = vi.spyOn(joints, 'read');
     twin.acceptState(state({ codes: codesWith({ 'cur.RKN': 150 }) }));
     const knee = () => twin.joints()!.rows.find(({ label }) => label === 'RKN');
-    expect(knee()).toMatchObject({ curLevel: 'ok' });
+    expect(knee()).toMatchObject({ levels: { cur: 'ok' } });
     expect(twin.joints()).toBe(joints);
     expect(read).toHaveBeenCalledTimes(1);
     twin.acceptEdits(withEdit(NO_EDITS, 'cur', 'RKN', { low: null, high: 1, caution: 1 }));
-    expect(knee()).toMatchObject({ curLevel: 'fault' });
+    expect(knee()).toMatchObject({ levels: { cur: 'fault' } });
     expect(read).toHaveBeenCalledTimes(2);
     twin.acceptSchema(OTHER);
     expect(twin.joints()).not.toBe(joints);

@@ -9,18 +9,18 @@ export const BALANCE = new LatePart(async () => {
   const parts = [
     import('../../scene/signs/balance/balance_overlay.ts'),
     import('./balance_watch.ts'),
-    import('./Stood.tsx'),
+    import('./BalanceView.tsx'),
   ] as const;
   const [{ makeBalance }, { balanceOf }, { spokenStance }] = await Promise.all(parts);
   return { makeBalance, balanceOf, spokenStance };
 }, onDemand);
 /** Plots the balance numbers. */
-export const BALANCE_TRACES = new LatePart(() => import('./balance_traces.ts'), onDemand);
+export const BALANCE_TRACES = new LatePart(() => import('./balance_watch.ts'), onDemand);
 
-const Stood = late(async () => (await import('./Stood.tsx')).Stood, onDemand);
+const Stood = late(async () => (await import('./BalanceView.tsx')).Stood, onDemand);
 const BalanceTable = late(async () => {
   void BALANCE_TRACES.load(); // so that listed values can be plotted
-  return (await import('./BalanceTable.tsx')).BalanceTable;
+  return (await import('./BalanceView.tsx')).BalanceTable;
 }, onDemand);
 
 /** Whether the page may report this robot's balance; the model has the final word. */

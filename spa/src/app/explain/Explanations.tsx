@@ -4,11 +4,20 @@ import type { RobotTwin } from '../../twin/robot.ts';
 import { Dialog } from '../shell/Dialog.tsx';
 import { usePageKeys } from '../shell/page_keys.ts';
 import type { RobotLink } from '../state/robot_link.ts';
-import { useBalanceText } from '../text/balance.ts';
-import { useMore } from '../text/more.ts';
-import { usePastText } from '../text/past.ts';
-import { type Asked, explain, explainFlags, keysOfLabel, placeOf } from './asked.ts';
-import { type Catalogue, type Explained, explainedBy, SECTIONS, useCatalogue } from './catalogue.ts';
+import { useMore } from '../text/language.ts';
+import { useBalanceText, usePastText } from '../text/late.ts';
+import {
+  type Asked,
+  type Catalogue,
+  type Explained,
+  explain,
+  explainedBy,
+  explainFlags,
+  keysOfLabel,
+  placeOf,
+  SECTIONS,
+  useCatalogue,
+} from './catalogue.ts';
 import { pressedLabel } from './pressed_sign.ts';
 
 const WIDTH_PX = 320;

@@ -1,5 +1,5 @@
 import type { Trace } from '../../twin/plots/trace.ts';
-import { addTrace } from '../state/traces.ts';
+import { addTrace } from '../state/viewing.ts';
 
 const TYPE = 'application/x-posecast-value';
 /** The drop target for values: the tab of the plots and its content. */

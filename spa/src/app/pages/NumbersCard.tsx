@@ -3,14 +3,14 @@ import { displayOf, formatNumber } from '../../twin/format.ts';
 import { isolated } from '../../twin/names.ts';
 import { arrangeTraces } from '../../twin/plots/choice.ts';
 import { type TraceReading, traceReading } from '../../twin/plots/trace.ts';
-import { OpenFaults } from '../numbers/alarms/OpenFaults.tsx';
+import { OpenFaults } from '../numbers/alarms/Alarms.tsx';
 import { Chip } from '../robot/Chip.tsx';
 import { refreshWith } from '../shell/refresh.ts';
+import { robotHref } from '../state/address.ts';
 import { useFaults } from '../state/fault_keeper.ts';
 import { type RobotLink, useVersion, useWord } from '../state/robot_link.ts';
-import { robotHref } from '../state/route.ts';
 import { useSettings } from '../state/settings.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 
 const MOST_VALUES = 12;
 const MOST_FAULTS = 4;

@@ -9,18 +9,16 @@ import {
 } from 'react';
 import { isThen } from '../../twin/liveness.ts';
 import type { Tab } from '../numbers/Panel.tsx';
-import { PastBelowBody } from '../past/PastBelowBody.tsx';
-import { missedMoment, useMomentNamed, usePast, useShown } from '../past/use_past.ts';
+import { missedMoment, PastBelowBody, useMomentNamed, usePast, useShown } from '../past/PastBelowBody.tsx';
 import { Body } from '../robot/Body.tsx';
 import { Chip } from '../robot/Chip.tsx';
 import { Divider } from '../shell/Divider.tsx';
-import { showLink } from '../shell/debug_api.ts';
+import { shownLink } from '../shell/debug_api.ts';
 import { BackIcon, FullscreenIcon, IconButton, PanelIcon, SettingsIcon, ShareIcon } from '../shell/icons.tsx';
 import { late, lateAfterBody } from '../shell/late.tsx';
-import { SIDE_BY_SIDE, useMedia } from '../shell/media.ts';
 import { usePageKeys, withKey } from '../shell/page_keys.ts';
 import { heightPx, Sheet, type SheetHeight } from '../shell/Sheet.tsx';
-import { followPresentLinks, present, usePresenting } from '../state/presenting.ts';
+import { SIDE_BY_SIDE, useMedia } from '../shell/theme.ts';
 import {
   type RobotLink,
   useBehindMs,
@@ -29,8 +27,8 @@ import {
   useVersion,
   useWord,
 } from '../state/robot_link.ts';
-import { onSelection, selection } from '../state/selection.ts';
 import { changeSettings, useSettings } from '../state/settings.ts';
+import { followPresentLinks, onSelection, present, selection, usePresenting } from '../state/viewing.ts';
 import { say, useText } from '../text/language.ts';
 import { behindWords } from '../words/status.ts';
 
@@ -105,8 +103,8 @@ export function OneRobot(props: {
 }) {
   const { link, live, title, share, onSettings } = props;
   useEffect(() => {
-    showLink(link);
-    return () => showLink(null);
+    shownLink.set(link);
+    return () => shownLink.set(null);
   }, [link]);
   const text = useText();
   const word = useWord(link);

@@ -8,17 +8,14 @@ import { ViewNote } from '../robot/BodyNotes.tsx';
 import { CameraViews, ShownChoice } from '../robot/BodyTools.tsx';
 import { bindBody } from '../robot/body_link.ts';
 import { Chip } from '../robot/Chip.tsx';
-import { keepLoading } from '../robot/keep_loading.ts';
 import { LoadLegend } from '../robot/LoadLegend.tsx';
 import { OverlayMenu } from '../robot/OverlayMenu.tsx';
 import { bindOverlay, type OverlayLink } from '../robot/overlay_link.ts';
-import { useBodyView } from '../robot/use_body_view.ts';
-import { useCameraControls } from '../robot/use_camera_controls.ts';
+import { keepLoading, useBodyView, useCameraControls } from '../robot/use_body_view.ts';
 import { BackIcon, IconButton, SettingsIcon } from '../shell/icons.tsx';
+import { robotHref } from '../state/address.ts';
 import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
-import { robotHref } from '../state/route.ts';
-import { useText } from '../text/language.ts';
-import { useMore } from '../text/more.ts';
+import { useMore, useText } from '../text/language.ts';
 import { NumbersCard } from './NumbersCard.tsx';
 
 /** A rectangle, CSS px from the picture's upper left corner. */
@@ -291,5 +288,8 @@ function useLine(
     for (const [i, { left, top }] of placeApart(heads, taken, stage.clientWidth).entries())
       heads[i]!.label.style.transform = `translate(${left}px, ${top}px)`;
   }, [host, labels]);
-  return useBodyView(host, prepare, follow);
+  const body = useBodyView(host, prepare);
+  const { drawn } = body;
+  useEffect(() => drawn.on(follow), [drawn, follow]);
+  return body;
 }

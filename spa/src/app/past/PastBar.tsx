@@ -5,21 +5,18 @@ import { manifestUrl } from '../../relay/lane.ts';
 import { isolated } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { late, onDemand } from '../shell/late.tsx';
-import { useNow } from '../shell/now.ts';
 import { usePageKeys } from '../shell/page_keys.ts';
 import { useFaults } from '../state/fault_keeper.ts';
+import { useStore, useTicked } from '../state/hooks.ts';
 import type { RobotLink } from '../state/robot_link.ts';
-import { useStore } from '../state/use_store.ts';
-import { useMore } from '../text/more.ts';
-import { usePastText } from '../text/past.ts';
+import { usePastText } from '../text/late.ts';
 import { faultSentence } from '../words/fault_sentence.ts';
-import type { OfferedFile } from './save/OfferedFiles.tsx';
-import { momentSheet } from './time_line/jump/moment_sheet.ts';
-import { pastKeys } from './time_line/past_keys.ts';
+import type { OfferedFile } from './save/Outcome.tsx';
+import { chosenOn, pastKeys } from './time_line/line.ts';
 import { type BelowTrack, TimeLine } from './time_line/TimeLine.tsx';
-import './live_news.css';
+import './time_line/past.css';
 
-const MomentSheet = late(async () => (await import('./time_line/jump/MomentSheet.tsx')).MomentSheet);
+const MomentSheet = late(async () => (await import('./jump/MomentSheet.tsx')).MomentSheet);
 const SaveSheet = late(async () => (await import('./save/SaveSheet.tsx')).SaveSheet, onDemand);
 
 /** Controls below the body for looking back: the time line and, in the past, new faults. `live`: null if there is no live robot;
@@ -50,13 +47,13 @@ export function PastBar(props: {
   const save = source === null ? null : () => setSaving(true);
   usePageKeys(() => pastKeys(controls, save));
   const { at } = useSyncExternalStore(controls.onChange, () => controls.playhead);
-  const sheet = useStore(momentSheet);
+  const { isJumpOpen } = useStore(chosenOn(controls));
   if (unseen) return null;
   return (
     <>
       {live !== null && at === 'past' && <LiveNews live={live} controls={controls} />}
       <TimeLine controls={controls} onSave={save} {...rest} />
-      {sheet === controls && <MomentSheet controls={controls} twin={twin} />}
+      {isJumpOpen && <MomentSheet controls={controls} twin={twin} />}
       {saving && source !== null && (
         <SaveSheet
           controls={controls}
@@ -72,8 +69,6 @@ export function PastBar(props: {
 
 /** Says that a new fault occurred while the past is shown, with a link to it. */
 function LiveNews({ live, controls }: { live: RobotLink; controls: PastControls }) {
-  useNow(1000);
-  useMore(); // loads the words of the sentence
   const text = usePastText();
   const [seen, setSeen] = useState<ReadonlySet<string> | null>(null);
   const faults = (useFaults(live.faults) ?? []).filter(
@@ -83,8 +78,10 @@ function LiveNews({ live, controls }: { live: RobotLink; controls: PastControls 
     if (seen === null) setSeen(new Set(faults.map(({ key }) => key)));
   }, [seen, faults]);
   const fresh = faults.find(({ key }) => seen !== null && !seen.has(key));
+  const said = useTicked(1000, () =>
+    fresh === undefined ? '' : faultSentence(live.twin, live.faults.log, fresh, live.faults.nowMs()).said,
+  );
   if (fresh === undefined) return null;
-  const { said } = faultSentence(live.twin, live.faults.log, fresh, live.faults.nowMs());
   return (
     <p className="past-news" role="alert" data-testid="past-news">
       <span>{text.now(isolated(said))}</span>

@@ -12,12 +12,11 @@ import { tokenFor } from '../../relay/token.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isClaim, type Recorded } from '../../twin/liveness.ts';
 import { type LeadState, RobotTwin } from '../../twin/robot.ts';
+import { address, momentIn, onLink } from '../state/address.ts';
 import { FaultKeeper } from '../state/fault_keeper.ts';
-import { HistoryKeeper } from '../state/history_keeper.ts';
-import { momentIn, pastControls, shownMoment } from '../state/moment.ts';
 import { forgetOwnAlarms } from '../state/own_alarms.ts';
-import type { RobotLink } from '../state/robot_link.ts';
-import { isHeard } from './heard.ts';
+import { HistoryKeeper, isHeard, type RobotLink } from '../state/robot_link.ts';
+import { pastControls, shownMoment } from '../state/viewing.ts';
 import { PastWatch } from './past_watch.ts';
 
 /** A robot's past on the page: the controls, and a link to the past robot, from which everything can be drawn. */
@@ -111,13 +110,13 @@ export function playPast(played: Played, atMs: number | null | undefined) {
   const go = (moment: number | null) => {
     if (moment !== null && moment !== Math.ceil(shownMoment.get() ?? -1)) player.openAt(moment);
   };
-  const named = () => go(momentIn(window.location.hash));
+  const named = () => go(momentIn(address.get()));
   const ends = [
     player.onChange(look),
     twin.onChange(() => {
       if (twin.edits !== edits && twin.lead !== null) lead([...twin.lead]); // judged by the new limits
     }),
-    () => window.removeEventListener('hashchange', named),
+    atMs === undefined ? () => {} : onLink(named),
     () => cancelAnimationFrame(frame),
     () => shownMoment.set(null),
     () => pastControls.set(null),
@@ -126,7 +125,6 @@ export function playPast(played: Played, atMs: number | null | undefined) {
     faults.close.bind(faults),
     minute.close,
   ];
-  if (atMs !== undefined) window.addEventListener('hashchange', named);
   pastControls.set(player);
   go(atMs ?? recorded?.fromMs ?? null);
   return {

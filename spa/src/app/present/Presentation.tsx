@@ -4,23 +4,20 @@ import { recordingUrl } from '../../relay/recording_address.ts';
 import { home } from '../../relay/relay.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { type AngleUnit, displayOf, formatNumber } from '../../twin/format.ts';
+import { NUMBERS } from '../../twin/joints.ts';
 import { isolated, plainName } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { Sign } from '../robot/Chip.tsx';
 import { QrCode } from '../share/QrCode.tsx';
-import { useNow } from '../shell/now.ts';
 import { usePageKeys } from '../shell/page_keys.ts';
+import { formatMoment, robotHref } from '../state/address.ts';
 import { useFaults } from '../state/fault_keeper.ts';
-import { formatMoment, shownMoment, useShownSecond } from '../state/moment.ts';
-import { present } from '../state/presenting.ts';
+import { useTicked } from '../state/hooks.ts';
 import { type RobotLink, useConnection, useIsOld, useVersion, useWord } from '../state/robot_link.ts';
-import { robotHref } from '../state/route.ts';
-import { selectJoint, useSelectedJoint } from '../state/selection.ts';
 import { useSettings } from '../state/settings.ts';
-import { languageTag } from '../text/language.ts';
-import { useMore } from '../text/more.ts';
-import { usePresentText } from '../text/present.ts';
+import { present, selectJoint, shownMoment, useSelectedJoint, useShownSecond } from '../state/viewing.ts';
+import { languageTag, useMore } from '../text/language.ts';
 import { faultSentence } from '../words/fault_sentence.ts';
 import { chipWords, stageWords } from '../words/status.ts';
 
@@ -28,14 +25,15 @@ const MOST = 3;
 
 /** The unacknowledged faults, each as a sentence; if there are many, the first ones and the number of the others. */
 function OpenFaultSentences({ link }: { link: RobotLink }) {
-  useNow(500); // updates how long they have lasted
-  useMore(); // loads the words of the sentences
-  const text = usePresentText();
+  const text = useMore();
   const open = (useFaults(link.faults) ?? []).filter(({ acknowledged }) => !acknowledged);
+  const sentences = useTicked(500, () =>
+    open.slice(0, MOST).map((fault) => faultSentence(link.twin, link.faults.log, fault, link.faults.nowMs())),
+  );
   return (
     <ul className="present-faults" data-testid="present-faults">
-      {open.slice(0, MOST).map((fault) => {
-        const { said, code } = faultSentence(link.twin, link.faults.log, fault, link.faults.nowMs());
+      {open.slice(0, MOST).map((fault, i) => {
+        const { said, code } = sentences[i]!;
         const isOver = fault.clearedMs !== null;
         return (
           <li key={fault.key}>
@@ -52,25 +50,25 @@ function OpenFaultSentences({ link }: { link: RobotLink }) {
   );
 }
 
-/** Additional values; the position is above them. */
-const ALSO = [
-  ['ref', 'reference'],
-  ['vel', 'velocity'],
-  ['effort', 'torque'],
-  ['cur', 'current'],
-  ['temp', 'heat'],
-] as const;
+/** The position is above the others. */
+const PRESENTED = NUMBERS.filter((row) => 'presented' in row);
 /** Numbers that change faster can't be read. */
 const EVERY_MS = 250;
 
 /** The selected joint, large: its name, its position and its other readings. Empty if none is selected. */
 function ChosenJoint({ link }: { link: RobotLink }) {
-  useNow(EVERY_MS);
   const joint = useSelectedJoint();
   const { angle } = useSettings();
   const text = useMore();
-  if (joint === null) return null;
   const { twin } = link;
+  const readings = useTicked(EVERY_MS, () =>
+    joint === null
+      ? []
+      : PRESENTED.map(({ name, presented }) => ({
+          ...{ name, presented, value: readingWords(twin, name, joint, angle) },
+        })),
+  );
+  if (joint === null) return null;
   const plain = plainName(twin.schema, joint, languageTag());
   return (
     <section className="present-joint" aria-label={isolated(joint)} data-testid="present-joint">
@@ -78,19 +76,18 @@ function ChosenJoint({ link }: { link: RobotLink }) {
         {isolated(joint)} {plain !== undefined && <span>{plain}</span>}
         <Cross what={text.closeCard} onPress={() => selectJoint(null)} />
       </h3>
-      <p className="present-value">{readingWords(twin, 'pos', joint, angle)}</p>
+      <p className="present-value">{readings.find(({ presented }) => presented === 'first')?.value}</p>
       <dl>
-        {ALSO.map(([name, word]) => {
-          const value = readingWords(twin, name, joint, angle);
-          return (
+        {readings.map(
+          ({ name, presented, value }) =>
+            presented === 'also' &&
             value !== null && (
               <div key={name}>
-                <dt>{text[word]}</dt>
+                <dt>{text[`${name}Name`]}</dt>
                 <dd>{value}</dd>
               </div>
-            )
-          );
-        })}
+            ),
+        )}
       </dl>
     </section>
   );
@@ -101,7 +98,7 @@ function ChosenJoint({ link }: { link: RobotLink }) {
  *  show (`isolated`); `note`: the note about this moment. */
 export function Presentation(props: { link: RobotLink; name: string; note?: ReactNode }) {
   const { link, name, note } = props;
-  const text = usePresentText();
+  const text = useMore();
   useVersion(link);
   useZoom();
   usePageKeys(() => ({ close: () => present(false) }));
@@ -129,13 +126,14 @@ export function Presentation(props: { link: RobotLink; name: string; note?: Reac
 
 /** The word of the chip, large, with its age and, if the robot is not live, why. */
 function State({ link }: { link: RobotLink }) {
-  useNow(250);
   useWord(link); // shows a new state word at once
   useShownSecond(); // redraws as the time line moves
   const connection = useConnection(link);
   const verdict = link.watch.verdict();
-  const { word, detail, more, behind, warning } = chipWords(verdict, connection, nowMs());
-  const why = stageWords(verdict, connection, nowMs());
+  const { word, detail, more, behind, warning, why } = useTicked(250, () => {
+    const verdict = link.watch.verdict();
+    return { ...chipWords(verdict, connection, nowMs()), why: stageWords(verdict, connection, nowMs()) };
+  });
   return (
     <>
       <p className="present-word" data-testid="present-word" data-state={verdict.word ?? ''}>

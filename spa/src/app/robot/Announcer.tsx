@@ -3,9 +3,9 @@ import { asAnyone } from '../../relay/token.ts';
 import { OverlayReader } from '../../twin/overlay/reader.ts';
 import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 import { type Announcement, announcement } from './announcement.ts';
-import './as_anyone.css';
+import '../shell/styles/robot.css';
 
 /** Least time between two announcements to screen readers. */
 const EVERY_MS = 5000;

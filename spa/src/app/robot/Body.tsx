@@ -1,27 +1,27 @@
 import { useCallback, useEffect, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
+import type { Emitter } from '../../kit.ts';
 import { builtModelAt } from '../../model/files.ts';
 import type { ModelReport } from '../../model/report.ts';
 import { accounts } from '../../relay/relay.ts';
 import type { BodyView, RowView } from '../../scene/figure/body_view.ts';
 import { StickFigure } from '../../scene/figure/stick_figure.ts';
 import { isAbsent } from '../../stream/client.ts';
+import { nowMs } from '../../stream/clock.ts';
 import { isThen } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import { Poser } from '../../twin/playback/pose.ts';
 import { late, startWhenLoaded } from '../shell/late.tsx';
-import { useNow } from '../shell/now.ts';
 import { useTheme } from '../shell/theme.ts';
-import { useShownSecond } from '../state/moment.ts';
+import { useTicked } from '../state/hooks.ts';
 import { type RobotLink, useConnection, useVersion, useWord } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
+import { useShownSecond } from '../state/viewing.ts';
 import { say, useText } from '../text/language.ts';
 import { bytesWords, problemWords, stageWords, waitingWords } from '../words/status.ts';
-import { keepLoading } from './keep_loading.ts';
 import type { OverlayLink } from './overlay_link.ts';
-import { useBodyView } from './use_body_view.ts';
-import { useCameraControls } from './use_camera_controls.ts';
+import { keepLoading, useBodyView, useCameraControls } from './use_body_view.ts';
 
 // Loaded with the body, so that the page starts without waiting for them.
 const BodyNotes = late(async () => (await import('./BodyNotes.tsx')).BodyNotes);
@@ -52,9 +52,9 @@ type Model =
  *  numbers still work. */
 export function Body({ link, live = link }: { link: RobotLink; live?: RobotLink | null }) {
   const host = useRef<HTMLDivElement>(null);
-  const { view, trouble, why, coming, choose } = useBodyView(host, usePlayed(link));
+  const { view, drawn, trouble, why, coming, choose } = useBodyView(host, usePlayed(link));
   useCameraControls(host, view, link.twin);
-  useViewAddress(view, live);
+  useViewAddress(view, drawn, live);
   const signs = useSigns(view, link);
   const model = useModel(view, link);
   const text = useText();
@@ -134,17 +134,17 @@ function usePlayed(link: RobotLink) {
 }
 
 /** Keeps the page's address in step with the view; the code for it is loaded with the body. */
-function useViewAddress(view: BodyView | null, link: RobotLink | null): void {
+function useViewAddress(view: BodyView | null, drawn: Emitter, link: RobotLink | null): void {
   useEffect(() => {
     if (view === null || link === null) return;
     return startWhenLoaded(
       VIEW_ADDRESS.load().then(
         ({ bindAddress }) =>
           () =>
-            bindAddress(view, link),
+            bindAddress(view, link, drawn),
       ),
     );
-  }, [view, link]);
+  }, [view, drawn, link]);
 }
 
 /** Connects the overlay to the robot's readings. */
@@ -225,12 +225,11 @@ function Progress({ received, total }: { received: number; total: number }) {
 
 /** A note over the picture when it does not show the present pose. */
 function StageNote({ link }: { link: RobotLink }) {
-  const now = useNow(250);
   const connection = useConnection(link);
   useWord(link); // shows a new state word at once
   useShownSecond(); // redraws as the time line moves
   const verdict = link.watch.verdict();
-  const words = stageWords(verdict, connection, now);
+  const words = useTicked(250, () => stageWords(link.watch.verdict(), connection, nowMs()));
   const { problem } = connection;
   if (words === null && problem === null) return null;
   // a hidden robot looks absent, and may be shown to who signs in
@@ -253,23 +252,26 @@ function StageNote({ link }: { link: RobotLink }) {
 
 /** Shows nothing at first, and after three seconds what the page is waiting for. */
 function Waiting({ link }: { link: RobotLink }) {
-  const now = useNow(500);
   const { phase } = useConnection(link);
   const word = useWord(link);
   useVersion(link);
   const { twin } = link;
-  if (twin.state !== null && twin.modelHash === null && now - twin.evidence.openedMs > NO_MODEL_AFTER_MS)
-    return <SelfPlots link={link} />;
   // In these states, a line over the body already says so.
   const isSaid = word === 'STALE' || word === 'OFFLINE' || isThen(word);
-  if (now - twin.evidence.openedMs < SAY_WHY_AFTER_MS || isSaid) return null;
-  const words = waitingWords({
-    phase,
-    schema: twin.schema !== null,
-    pose: twin.state !== null,
+  const { hasNoModel, words } = useTicked(500, () => {
+    const { schema, state, modelHash, evidence } = twin;
+    const openMs = nowMs() - evidence.openedMs;
+    return {
+      hasNoModel: state !== null && modelHash === null && openMs > NO_MODEL_AFTER_MS,
+      words:
+        openMs < SAY_WHY_AFTER_MS || isSaid
+          ? ''
+          : waitingWords({ phase, schema: schema !== null, pose: state !== null }),
+    };
   });
+  if (hasNoModel) return <SelfPlots link={link} />;
   return (
-    words && (
+    words !== '' && (
       <div className="stage-middle">
         <p className="stage-say" data-testid="waiting">
           {words}

@@ -4,11 +4,10 @@ import type { ModelReport } from '../../model/report.ts';
 import { isolated } from '../../twin/names.ts';
 import { LostReadings } from '../../twin/sensors/last_readings.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
-import { useNow } from '../shell/now.ts';
+import { useTicked } from '../state/hooks.ts';
 import type { RobotLink } from '../state/robot_link.ts';
-import { more, useMore } from '../text/more.ts';
+import { more, useMore } from '../text/language.ts';
 import type { ViewTrouble } from './use_body_view.ts';
-import '../shell/styles/findings.css';
 
 const VIEW_WORDS = {
   lost: 'viewLost',
@@ -80,10 +79,12 @@ export function BodyNotes(props: {
 
 /** Names the joints that have no reading now and are shown at their last known position. */
 function Unread({ link }: { link: RobotLink }) {
-  useNow(500);
-  const { schema, state } = link.twin;
+  const { schema } = link.twin;
   const lost = useMemo(() => (schema === null ? null : new LostReadings(schema)), [schema]);
-  const joints = state === null ? [] : (lost?.update(state.codes) ?? []);
+  const joints = useTicked(500, () => {
+    const { state } = link.twin;
+    return state === null ? [] : (lost?.update(state.codes) ?? []);
+  });
   return joints.length === 0 ? null : <p data-testid="unread-note">{unreadWords(joints)}</p>;
 }
 

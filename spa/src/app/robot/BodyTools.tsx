@@ -3,7 +3,7 @@ import { useRef, useState } from 'react';
 import type { BodyView } from '../../scene/figure/body_view.ts';
 import { SettingChoice } from '../shell/SettingChoice.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 import { bytesWords } from '../words/status.ts';
 import { OverlayMenu } from './OverlayMenu.tsx';
 

@@ -1,10 +1,10 @@
 import { useId } from 'react';
 import { nowMs } from '../../stream/clock.ts';
 import { late } from '../shell/late.tsx';
-import { useNow } from '../shell/now.ts';
-import { usePopover } from '../shell/popover.ts';
-import { useShownSecond } from '../state/moment.ts';
+import { usePopover } from '../shell/page_keys.ts';
+import { useTicked } from '../state/hooks.ts';
 import { type RobotLink, useConnection, useWord } from '../state/robot_link.ts';
+import { useShownSecond } from '../state/viewing.ts';
 import { useText } from '../text/language.ts';
 import { chipWords } from '../words/status.ts';
 
@@ -13,7 +13,6 @@ const Explanation = late(async () => (await import('./Explanation.tsx')).Explana
 /** A button with the robot's state: LIVE, HOLDING, STALE, OFFLINE, PAST or RECORDED, with its frame rate or age. Pressing it opens an
  *  explanation. */
 export function Chip({ link }: { link: RobotLink }) {
-  useNow(250);
   useWord(link); // shows a new state word at once
   useShownSecond(); // redraws as the time line moves
   const connection = useConnection(link);
@@ -22,7 +21,9 @@ export function Chip({ link }: { link: RobotLink }) {
   const explanation = useId();
 
   const verdict = link.watch.verdict();
-  const { word, detail, more, behind, warning } = chipWords(verdict, connection, nowMs());
+  const { word, detail, more, behind, warning } = useTicked(250, () =>
+    chipWords(link.watch.verdict(), connection, nowMs()),
+  );
   return (
     <div className="chip-around" ref={around}>
       <button

@@ -5,8 +5,7 @@ import { isClaim, type Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
 import { useCatalogue } from '../explain/catalogue.ts';
 import { type RobotLink, useConnection } from '../state/robot_link.ts';
-import { say } from '../text/language.ts';
-import { more, useMore } from '../text/more.ts';
+import { more, say, useMore } from '../text/language.ts';
 import { behindSpan, endingWords } from '../words/status.ts';
 
 /** The explanation that the chip opens: the reason for the state, and what to do about a lowered rate. */

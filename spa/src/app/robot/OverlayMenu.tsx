@@ -2,11 +2,11 @@ import '../shell/styles/choices.css';
 import '../shell/styles/signs.css';
 import { OverlayReader } from '../../twin/overlay/reader.ts';
 import type { LoadField } from '../../twin/sensors/load.ts';
-import { usePopover } from '../shell/popover.ts';
+import { usePopover } from '../shell/page_keys.ts';
 import { SettingChoice } from '../shell/SettingChoice.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { changeSettings, type Settings, useSettings } from '../state/settings.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 import { BalanceEntry } from './BalanceEntry.tsx';
 import { Switch } from './Switch.tsx';
 

@@ -1,5 +1,4 @@
 import '../numbers/plots/plots.css';
-import './self_plots.css';
 import { useEffect, useRef, useState } from 'react';
 import { arrangeTraces, TRACES_A_PAGE } from '../../twin/plots/choice.ts';
 import type { Trace } from '../../twin/plots/trace.ts';
@@ -8,7 +7,7 @@ import { refreshWith } from '../shell/refresh.ts';
 import { useTheme } from '../shell/theme.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { useSettings } from '../state/settings.ts';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 
 /** Plots are redrawn at least this often, because the time axis moves even without new frames. */
 const SLIDES_EVERY_MS = 500;

@@ -1,4 +1,4 @@
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 
 /** A labelled check box in the style of a switch. `explain`: the key of its explanation, if it has one. */
 export function Switch(props: {

@@ -6,7 +6,7 @@ import { isolated } from '../../twin/names.ts';
 import type { OverlayReadings } from '../../twin/overlay/reader.ts';
 import { leanOf } from '../../twin/sensors/imus.ts';
 import type { Arrow, Wrench } from '../../twin/sensors/wrenches.ts';
-import { more } from '../text/more.ts';
+import { more } from '../text/language.ts';
 import { faultWords } from '../words/fault.ts';
 import { behindWords, causeWords, warningWords } from '../words/status.ts';
 

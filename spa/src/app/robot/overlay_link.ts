@@ -7,10 +7,9 @@ import type { RobotTwin } from '../../twin/robot.ts';
 import type { LoadScale } from '../../twin/sensors/load.ts';
 import { BALANCE } from '../balance/BalanceParts.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
-import { onSelection, selection } from '../state/selection.ts';
 import { onSettings, settings } from '../state/settings.ts';
-import { languageTag, onLanguage } from '../text/language.ts';
-import { more } from '../text/more.ts';
+import { onSelection, selection } from '../state/viewing.ts';
+import { languageTag, more, onLanguage } from '../text/language.ts';
 import type { More } from '../text/more_en.ts';
 
 /** A running connection between the readings of a robot and the overlay of its body. */

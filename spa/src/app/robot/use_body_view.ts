@@ -1,13 +1,23 @@
-import { type RefObject, useEffect, useRef, useState } from 'react';
+import { type RefObject, useEffect, useEffectEvent, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
+import { answers, untilRetry } from '../../browser/retry.ts';
+import { Emitter } from '../../kit.ts';
+import type { ModelReport } from '../../model/report.ts';
 import type { DrawingTrouble } from '../../scene/figure/adaptive_quality.ts';
-import type { RowView } from '../../scene/figure/body_view.ts';
+import type { BodyView, RowView } from '../../scene/figure/body_view.ts';
 import { isolated } from '../../twin/names.ts';
-import { showScene } from '../shell/debug_api.ts';
+import type { RobotTwin } from '../../twin/robot.ts';
+import { shownScene } from '../shell/debug_api.ts';
+import { startWhenLoaded } from '../shell/late.tsx';
 import { type PageTheme, useTheme } from '../shell/theme.ts';
 import { changeSettings, type Settings, settings, useSettings } from '../state/settings.ts';
 import { say } from '../text/language.ts';
-import { loadThree } from './load_three.ts';
+
+/** Loads the 3D view, a separate chunk. Rejects if it can't be loaded. The label styles come with the code that draws labels,
+ *  `overlay/overlay_link.ts`. */
+export function loadThree() {
+  return import('../../scene/three/index.ts');
+}
 
 const THREE = new LatePart(loadThree, () => false); // loaded at once if the browser has 3D
 const LIGHT_VIEW = new LatePart(() => import('../../scene/canvas2d/view.ts'));
@@ -32,6 +42,8 @@ export interface ShownBody {
   readonly why: string | null;
   /** Whether the picture may still come: its code failed to load and is being requested again. */
   readonly coming: boolean;
+  /** Tells of each picture. */
+  readonly drawn: Emitter;
   /** Changes the setting `body`, and with it the renderer. */
   readonly choose: (way: '3d' | 'light') => void;
 }
@@ -42,16 +54,15 @@ const NOTHING = { view: null, trouble: null, why: null, coming: false } as const
 export type Begin = (view: RowView) => () => void;
 
 /** Opens the view of one or several robots: 3D if the browser has it, otherwise the light view; each is a separate chunk. A new
- *  view is opened when `prepare` or `onDrawn` (called after every picture) changes. */
+ *  view is opened when `prepare` changes. */
 export function useBodyView(
   host: RefObject<HTMLDivElement | null>,
   prepare: () => Promise<Begin>,
-  onDrawn?: () => void,
 ): ShownBody {
   const theme = useTheme();
-  const themeNow = useRef(theme);
-  themeNow.current = theme;
-  const [shown, setShown] = useState<Omit<ShownBody, 'choose'>>(NOTHING);
+  const [drawn] = useState(() => new Emitter());
+  const themeNow = useEffectEvent(() => theme);
+  const [shown, setShown] = useState<Omit<ShownBody, 'choose' | 'drawn'>>(NOTHING);
   const { body } = useSettings();
   /** Draw in 3D, or in the light view for the given reason. */
   const [way, setWay] = useState<'3d' | 'light' | HandMade>(() => wayFor(body));
@@ -85,17 +96,16 @@ export function useBodyView(
         if (way === 'light') setShown((before) => ({ ...before, trouble: slow ? 'light-pixels' : 'light' }));
       };
       const begin = await prepare();
-      const heard = onDrawn === undefined ? {} : { onDrawn };
       const view = await (way === '3d'
-        ? open3d(host, themeNow, { onTrouble, ...heard })
-        : openLight(host, themeNow, { onSlow, ...heard }));
+        ? open3d(host, () => themeNow(), { onTrouble, onDrawn: drawn.emit })
+        : openLight(host, () => themeNow(), { onSlow, onDrawn: drawn.emit }));
       if (left || view === null) {
         view?.dispose();
         return;
       }
       made = view;
       stop = begin(view);
-      showScene(view);
+      shownScene.set(view);
       const trouble = way === '3d' ? null : way;
       setShown({ ...NOTHING, view, trouble });
     };
@@ -112,16 +122,17 @@ export function useBodyView(
       left = true;
       leave();
       stop?.();
-      showScene(null);
+      shownScene.set(null);
       setShown(NOTHING);
       made?.dispose();
     };
-  }, [host, prepare, onDrawn, way]);
+  }, [host, prepare, drawn, way]);
 
   const { view } = shown;
   useEffect(() => view?.setTheme(theme), [view, theme]);
   return {
     ...shown,
+    drawn,
     choose: (wish) => {
       changeSettings({ body: wish });
       setWay(wayFor(wish));
@@ -134,7 +145,7 @@ function wayFor(body: Settings['body']): '3d' | 'light' | 'chosen' {
   return body === 'light' ? 'chosen' : '3d';
 }
 
-type ThemeNow = RefObject<PageTheme>;
+type ThemeNow = () => PageTheme;
 
 /** The browser has WebGL, but gave the scene no context. */
 class NoContext extends Error {}
@@ -142,12 +153,12 @@ class NoContext extends Error {}
 async function open3d(
   host: RefObject<HTMLDivElement | null>,
   theme: ThemeNow,
-  hears: { onTrouble: (trouble: DrawingTrouble | null) => void; onDrawn?: () => void },
+  hears: { onTrouble: (trouble: DrawingTrouble | null) => void; onDrawn: () => void },
 ): Promise<RowView | null> {
   const Scene = await (await THREE.load()).painted();
   if (host.current === null) return null;
   try {
-    return new Scene(host.current, { theme: theme.current, ...hears });
+    return new Scene(host.current, { theme: theme(), ...hears });
   } catch (cause) {
     throw new NoContext('no 3D', { cause });
   }
@@ -156,10 +167,10 @@ async function open3d(
 async function openLight(
   host: RefObject<HTMLDivElement | null>,
   theme: ThemeNow,
-  hears: { onSlow: (slow: boolean) => void; onDrawn?: () => void },
+  hears: { onSlow: (slow: boolean) => void; onDrawn: () => void },
 ): Promise<RowView | null> {
   const { LightView } = await LIGHT_VIEW.load();
-  return host.current === null ? null : new LightView(host.current, { theme: theme.current, ...hears });
+  return host.current === null ? null : new LightView(host.current, { theme: theme(), ...hears });
 }
 
 /** Whether the browser can make a WebGL 2 context. */
@@ -171,4 +182,56 @@ export function hasWebGl(): boolean {
   } catch {
     return false;
   }
+}
+
+/** Loads the model at `url` with `load` and reports the result. If something failed to load for a temporary reason, it is loaded
+ *  again, but only once its server answers, because loading removes what is shown. Returns a function that stops this; nothing is
+ *  reported after that. */
+export function keepLoading(
+  url: string,
+  load: () => Promise<ModelReport>,
+  report: (result: ModelReport) => void,
+): () => void {
+  let left = false;
+  const keepTrying = async () => {
+    for (let failures = 1; ; ) {
+      const result = await load();
+      if (left) return;
+      report(result);
+      if (result.passing !== true) return;
+      do {
+        await untilRetry(failures);
+        failures += 1;
+      } while (!left && !(await answers(url)));
+      if (left) return;
+    }
+  };
+  void keepTrying();
+  return () => {
+    left = true;
+  };
+}
+
+const CONTROLS = new LatePart(() => import('./camera_controls.ts'));
+
+/** Attaches camera keys, double taps and insets while a body is shown; with a twin, also joint selection by tap.
+ *  Their code is loaded with the body. */
+export function useCameraControls(
+  host: RefObject<HTMLElement | null>,
+  view: BodyView | null,
+  twin: RobotTwin | null = null,
+): void {
+  useEffect(() => {
+    const element = host.current;
+    if (view === null || element === null) return;
+    return startWhenLoaded(
+      CONTROLS.load().then(({ attachCameraControls, bindInsets, bindSelection }) => () => {
+        const ends = [attachCameraControls(element, view), bindInsets(element, view)];
+        if (twin !== null) ends.push(bindSelection(element, view, twin));
+        return () => {
+          for (const end of ends) end();
+        };
+      }),
+    );
+  }, [host, view, twin]);
 }

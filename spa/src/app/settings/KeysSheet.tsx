@@ -1,8 +1,7 @@
 import { Dialog } from '../shell/Dialog.tsx';
 import { type KeyAction, PAGE_KEYS, signOf } from '../shell/page_keys.ts';
-import { pastControls } from '../state/moment.ts';
-import { useMore } from '../text/more.ts';
-import { usePresentText } from '../text/present.ts';
+import { pastControls } from '../state/viewing.ts';
+import { useMore } from '../text/language.ts';
 
 /** A dialog with all keyboard shortcuts. */
 export function KeysSheet({ onClose }: { onClose: () => void }) {
@@ -16,7 +15,6 @@ export function KeysSheet({ onClose }: { onClose: () => void }) {
 /** All keyboard shortcuts, in groups. */
 export function KeysList() {
   const rest = useMore();
-  const texts = { ...rest, ...usePresentText() };
   const isRecording = pastControls.get()?.playhead.recorded != null;
   const groups = [
     [rest.keysOfPage, ['page']],
@@ -31,7 +29,7 @@ export function KeysList() {
           ({ says, signs }) => (
             <div key={says}>
               <dt>{says === 'keyMove' ? rest.keyShiftArrows : signs}</dt>
-              <dd>{texts[says]}</dd>
+              <dd>{rest[says]}</dd>
             </div>
           ),
         )}

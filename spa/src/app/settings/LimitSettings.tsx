@@ -5,10 +5,10 @@ import { MARGIN } from '../../twin/balance/margin_limits.ts';
 import { displayOf } from '../../twin/format.ts';
 import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../../twin/limits/limits.ts';
 import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
-import { dropOwnLimits, setOwnLimit } from '../state/limit_edits.ts';
+import { dropOwnLimits, setOwnLimit } from '../state/limits.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
-import { useBalanceText } from '../text/balance.ts';
-import { more, useMore } from '../text/more.ts';
+import { more, useMore } from '../text/language.ts';
+import { useBalanceText } from '../text/late.ts';
 
 /** How often the mark at the present value is moved. */
 const LIVE_EVERY_MS = 250;
@@ -179,7 +179,7 @@ function Track(props: {
 /** The newest value if the page computes it; null otherwise, and while there is none. */
 function computed(link: RobotLink, field: string): number | null {
   if (field !== MARGIN.field) return null;
-  return BALANCE.value()?.balanceOf(link).known?.stance?.marginMm ?? null;
+  return BALANCE.value()?.balanceOf(link).known()?.stance?.marginMm ?? null;
 }
 
 /** A text field for a number; empty means no limit (null). Invalid text changes nothing. */

@@ -1,9 +1,8 @@
 import { type FormEvent, useEffect, useState, useSyncExternalStore } from 'react';
 import { accountName, onAccountName } from '../../relay/account_name.ts';
 import { Dialog } from '../shell/Dialog.tsx';
-import { korean, useText } from '../text/language.ts';
-import './account.css';
-import { accountEn } from '../text/account_en.ts';
+import '../shell/styles/dialog.css';
+import { accountText, useAccountText } from '../text/late.ts';
 
 /** The button for signing in or out, with its dialog. `refused`: the relay refused this page; if somebody is signed in,
  *  another token is fetched. */
@@ -112,13 +111,4 @@ export function signInWords(error: unknown): string {
   if (/user-disabled/.test(code)) return accountText().signInDisabled;
   if (/too-many-requests/.test(code)) return accountText().signInTooMany;
   return accountText().signInNoAnswer;
-}
-
-function accountText(): typeof accountEn {
-  return korean()?.accountKo ?? accountEn;
-}
-
-function useAccountText(): typeof accountEn {
-  useText(); // draws the component again when the language changes
-  return accountText();
 }

@@ -1,6 +1,6 @@
 import encodeQr from 'qr';
 import { useMemo } from 'react';
-import { useMore } from '../text/more.ts';
+import { useMore } from '../text/language.ts';
 
 /** A QR code, or a note if the text is too long for one. It is dark on light in either theme, as cameras expect. */
 export function QrCode({ text, className }: { text: string; className: string }) {

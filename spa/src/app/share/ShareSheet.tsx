@@ -4,15 +4,12 @@ import { tokenFor } from '../../relay/token.ts';
 import { Command } from '../shell/Command.tsx';
 import { Dialog } from '../shell/Dialog.tsx';
 import { withKey } from '../shell/page_keys.ts';
-import { present } from '../state/presenting.ts';
-import './share.css';
-import { useText } from '../text/language.ts';
-import { useMore } from '../text/more.ts';
-import { usePresentText } from '../text/present.ts';
+import { address } from '../state/address.ts';
+import { useStore } from '../state/hooks.ts';
+import { present } from '../state/viewing.ts';
+import '../shell/styles/dialog.css';
+import { useMore, useText } from '../text/language.ts';
 import { QrCode } from './QrCode.tsx';
-
-/** How often the dialog reads the address, which follows the camera. */
-const SETTLE_MS = 600;
 
 /** The dialog for sharing this view: its address as a link, as a QR code and as an `<iframe>` for a web page. `robot` is the id,
  *  `name` what people read. `recorded`: a recording, on a host that knows no robots. */
@@ -30,13 +27,8 @@ export function ShareSheet({
   const text = useText();
   const rest = useMore();
   const named = usePathOf(recorded ? null : robot);
-  const [at, setAt] = useState(window.location.href);
-  const { present: word, presentWhat } = usePresentText();
-  useEffect(() => {
-    const timer = setInterval(() => setAt(window.location.href), SETTLE_MS);
-    return () => clearInterval(timer);
-  }, []);
-  const link = sharedLink(at, named);
+  useStore(address);
+  const link = sharedLink(window.location.href, named);
   const { hostname } = window.location;
   const onlyHere = /^(localhost|127\.|\[::1\])/.test(hostname);
   return (
@@ -50,16 +42,16 @@ export function ShareSheet({
       <button
         type="button"
         className="text-button share-native"
-        title={withKey(word, 'present')}
+        title={withKey(rest.present, 'present')}
         data-testid="present"
         onClick={() => {
           onClose();
           present(true);
         }}
       >
-        {word}
+        {rest.present}
       </button>
-      <p className="quiet share-what">{presentWhat}</p>
+      <p className="quiet share-what">{rest.presentWhat}</p>
       <Command what={rest.asYouSeeIt(name)} line={link} />
       {'share' in navigator && (
         <button

@@ -1,6 +1,6 @@
 import './styles/command.css';
 import { useState } from 'react';
-import { useListText } from '../text/list.ts';
+import { useMore } from '../text/language.ts';
 import { Icon, IconButton } from './icons.tsx';
 
 const CopyIcon = () => (
@@ -18,7 +18,7 @@ const CheckIcon = () => (
 
 /** A figure with one line of text (a command, a link), a caption `what`, and a button that copies the line. */
 export function Command({ what, line }: { what: string; line: string }) {
-  const rest = useListText();
+  const rest = useMore();
   const [copied, setCopied] = useState(false);
   const copy = async () => {
     try {

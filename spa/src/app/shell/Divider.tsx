@@ -1,4 +1,4 @@
-import './styles/divider.css';
+import './styles/robot.css';
 import { type KeyboardEvent, type PointerEvent, useRef } from 'react';
 import { say } from '../text/language.ts';
 

@@ -1,4 +1,4 @@
-import './styles/sheet.css';
+import './styles/robot.css';
 import { type PointerEvent, type ReactNode, useRef, useState } from 'react';
 import { say } from '../text/language.ts';
 

@@ -1,3 +1,4 @@
+import { createStore } from '../../kit.ts';
 import type { BodyView } from '../../scene/figure/body_view.ts';
 import type { RobotScene } from '../../scene/three/index.ts';
 import type { RobotLink } from '../state/robot_link.ts';
@@ -43,28 +44,16 @@ declare global {
   }
 }
 
-let link: RobotLink | null = null;
-let scene: BodyView | null = null;
-
-/** Sets the robot that `window.posecast` is about; null when no robot is shown. */
-export function showLink(shown: RobotLink | null): void {
-  link = shown;
-}
-
-/** Sets the view that `window.posecast.scene` returns; null when no body is shown. */
-export function showScene(shown: BodyView | null): void {
-  scene = shown;
-}
-
-/** The view that was last set with `showScene`; null when no body is shown. */
-export function shownScene(): BodyView | null {
-  return scene;
-}
+/** The robot that `window.posecast` is about; null while none is shown. */
+export const shownLink = createStore<RobotLink | null>(null);
+/** The view of its body; null while none is shown. */
+export const shownScene = createStore<BodyView | null>(null);
 
 /** Defines `window.posecast`. Its values are read at each access, so they are always current. */
 export function installDebugApi(): void {
   window.posecast = {
     get twin() {
+      const link = shownLink.get();
       if (link === null) return null;
       const { twin, watch } = link;
       return {
@@ -88,12 +77,13 @@ export function installDebugApi(): void {
       };
     },
     get link() {
+      const link = shownLink.get();
       if (link === null) return null;
       const { grantedHz, by, behindMs } = link.client.link;
       return { granted_hz: grantedHz, carrier: by, behind_ms: behindMs };
     },
     get scene() {
-      return scene;
+      return shownScene.get();
     },
     get numbers() {
       return cost;

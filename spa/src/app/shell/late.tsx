@@ -1,11 +1,12 @@
-import { type ComponentType, useEffect, useSyncExternalStore } from 'react';
+import { Component, type ComponentType, type ReactNode, useEffect, useSyncExternalStore } from 'react';
 import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import { createStore } from '../../kit.ts';
 import { signInNeeded } from '../../relay/request.ts';
-import { useStore } from '../state/use_store.ts';
-import { useText } from '../text/language.ts';
+import { isolated } from '../../twin/names.ts';
+import { useStore } from '../state/hooks.ts';
+import { say, useText } from '../text/language.ts';
 
 /** A component that is loaded when it is first drawn, or earlier if `ahead` says so. If loading fails, it is counted for
  *  `AbsentNotice` and retried automatically, and the rest of the page still works. */
@@ -26,10 +27,9 @@ export function useLatePart<T>(part: LatePart<T>): T | null {
 }
 
 function Arriving<P extends object>({ part, given }: { part: LatePart<ComponentType<P>>; given: P }) {
-  const Loaded = useSyncExternalStore(part.subscribe, part.value);
+  const Loaded = useLatePart(part);
   const failed = useSyncExternalStore(part.subscribe, part.failed);
   if (Loaded !== null) return <Loaded {...given} />;
-  void part.load();
   return failed ? <NotHere /> : null;
 }
 
@@ -87,4 +87,54 @@ export function startWhenLoaded(code: Promise<() => () => void>): () => void {
     left = true;
     end?.();
   };
+}
+
+/** Shows an error message with a reload button instead of its children when rendering them throws. */
+export class ErrorBoundary extends Component<{ children: ReactNode }, { what: string | null }> {
+  override state: { what: string | null } = { what: null };
+
+  static getDerivedStateFromError(error: unknown): { what: string } {
+    return { what: isolated(error instanceof Error ? error.message : String(error)) };
+  }
+
+  override render(): ReactNode {
+    if (this.state.what === null) return this.props.children;
+    return (
+      <main className="broken" role="alert">
+        <h1>{say().stopped}</h1>
+        <p>{say().stoppedWhy(this.state.what)}</p>
+        <button type="button" className="text-button" onClick={() => window.location.reload()}>
+          {say().reload}
+        </button>
+      </main>
+    );
+  }
+}
+
+/** A page that was reloaded less than this long ago is not reloaded again. */
+const YOUNG_MS = 60_000;
+
+/**
+ * Reloads the page after a deploy: a page that was open before it asks for chunks that no longer exist. When a chunk
+ * can't be loaded, `reloadIfReplaced` finds out whether that is the reason.
+ */
+export function reloadAfterDeploy(): void {
+  window.addEventListener('vite:preloadError', () => void reloadIfReplaced());
+}
+
+/** Reloads the page if the page at its address now names other scripts. Does nothing if that page can't be fetched, or
+ *  within a minute of a reload. */
+export async function reloadIfReplaced(): Promise<void> {
+  const [navigation] = performance.getEntriesByType('navigation') as PerformanceNavigationTiming[];
+  if (navigation?.type === 'reload' && performance.now() < YOUNG_MS) return;
+  try {
+    const answer = await fetch(window.location.href.replace(/[?#].*$/, ''), { cache: 'no-cache' });
+    const page = await answer.text();
+    const scripts = [...document.querySelectorAll<HTMLScriptElement>('script[type=module][src]')];
+    const same = scripts.every(({ src }) => page.includes(src.slice(src.lastIndexOf('/'))));
+    // a redirect may lead to a proxy's sign-in page
+    if (answer.ok && !answer.redirected && !same) window.location.reload();
+  } catch {
+    // no network
+  }
 }

@@ -1,4 +1,4 @@
-import { type RefObject, useEffect, useRef } from 'react';
+import { type RefObject, useEffect, useEffectEvent, useRef, useState } from 'react';
 import { settings } from '../state/settings.ts';
 import type { More } from '../text/more_en.ts';
 
@@ -13,7 +13,7 @@ interface PageKey {
   /** Whether it goes on while the key is held. */
   readonly repeats?: true;
   /** Its description. Keys with the same one are listed together. */
-  readonly says: keyof More | 'keyPresent';
+  readonly says: keyof More;
 }
 
 const ARROWS = ['ArrowLeft', 'ArrowRight', 'ArrowUp', 'ArrowDown'] as const;
@@ -134,13 +134,9 @@ export function addPageKeys(handlers: () => KeyHandlers, element: Element | null
 
 /** Takes up keys while the component is shown and `handlers` is not null; see `addPageKeys`. */
 export function usePageKeys(handlers: (() => KeyHandlers) | null, element?: RefObject<Element | null>): void {
-  const now = useRef(handlers);
-  now.current = handlers;
+  const now = useEffectEvent(() => handlers?.() ?? {});
   const isOn = handlers !== null;
-  useEffect(
-    () => (isOn ? addPageKeys(() => now.current?.() ?? {}, element?.current) : undefined),
-    [isOn, element],
-  );
+  useEffect(() => (isOn ? addPageKeys(() => now(), element?.current) : undefined), [isOn, element]);
 }
 
 function onPointer({ target }: PointerEvent): void {
@@ -204,4 +200,24 @@ function keyOf({ key, code, shiftKey }: KeyboardEvent): string {
   if (/^[ -~]$/.test(key)) return key.toLowerCase();
   const [, letter] = /^(?:Key|Digit)(.)$/.exec(code) ?? [];
   return letter?.toLowerCase() ?? SIGNS[code]?.[Number(shiftKey)] ?? key;
+}
+
+/** The state of a popover. While it is open, Escape or a press outside the element `around` closes it. */
+export function usePopover<T extends HTMLElement>(): {
+  open: boolean;
+  setOpen: (open: boolean) => void;
+  around: RefObject<T | null>;
+} {
+  const [open, setOpen] = useState(false);
+  const around = useRef<T>(null);
+  useEffect(() => {
+    if (!open) return;
+    const leave = ({ target }: Event) => {
+      if (!around.current?.contains(target as Node)) setOpen(false);
+    };
+    window.addEventListener('pointerdown', leave);
+    return () => window.removeEventListener('pointerdown', leave);
+  }, [open]);
+  usePageKeys(open ? () => ({ close: () => setOpen(false) }) : null, around);
+  return { open, setOpen, around };
 }

@@ -1,24 +1,21 @@
-import { Emitter } from '../../kit.ts';
+import { Emitter, perObject } from '../../kit.ts';
 import { type Crossing, LimitLog } from '../../twin/alarms/limit_log.ts';
 import type { Threshold } from '../../twin/limits/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { SensorTable } from '../../twin/sensors/sensors.ts';
 
-/** The crossings of limits that this page alone watches, for one robot. */
-interface OwnAlarms {
-  readonly log: LimitLog;
-  readonly changed: Emitter;
-}
-
-const kept = new WeakMap<RobotTwin, OwnAlarms>();
-const watched = new WeakSet<RobotTwin>();
-const NONE: readonly Crossing[] = [];
+/** The crossings of limits that this page alone watches, for each robot. */
+const ownOf = perObject((_: RobotTwin) => ({
+  log: new LimitLog(),
+  changed: new Emitter(),
+  isWatched: false,
+}));
 
 /** Checks the viewer's own limits in every frame from now on. A second call for the same robot does nothing. */
 export function watchOwnLimits(twin: RobotTwin): void {
-  if (watched.has(twin)) return;
-  watched.add(twin);
   const own = ownOf(twin);
+  if (own.isWatched) return;
+  own.isWatched = true;
   let table: { schema: RobotTwin['schema']; of: SensorTable } | null = null;
   twin.onState(() => {
     const { schema, state, limits, edits, lead } = twin;
@@ -53,15 +50,9 @@ export function forgetOwnAlarms(twin: RobotTwin, sinceMs = Number.NEGATIVE_INFIN
   own.changed.emit();
 }
 
-function ownOf(twin: RobotTwin): OwnAlarms {
-  const own = kept.get(twin) ?? { log: new LimitLog(), changed: new Emitter() };
-  kept.set(twin, own);
-  return own;
-}
-
 /** The newest crossings of limits that this page alone watches, newest last; empty if there were none or limits are not watched. */
 export function ownAlarms(twin: RobotTwin): readonly Crossing[] {
-  return kept.get(twin)?.log.crossings ?? NONE;
+  return ownOf(twin).log.crossings;
 }
 
 /** Watches the viewer's own limits and calls `listener` after each new crossing. Returns a function that removes the

@@ -7,13 +7,37 @@ import { laneUrl, leaveLane, manifestUrl } from '../../relay/lane.ts';
 import { isAbsent, type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isOld, type Word } from '../../twin/liveness.ts';
+import { History } from '../../twin/plots/history.ts';
 import { RobotTwin } from '../../twin/robot.ts';
+import { LastReadings } from '../../twin/sensors/last_readings.ts';
 import { FaultKeeper } from './fault_keeper.ts';
-import { HistoryKeeper } from './history_keeper.ts';
+import { loadOwnLimits } from './limits.ts';
 import { LivenessWatch, type Watch } from './liveness_watch.ts';
-import { loadOwnLimits } from './own_limits.ts';
-import { selectJoint } from './selection.ts';
-import { clearTraces } from './traces.ts';
+import { clearTraces, selectJoint } from './viewing.ts';
+
+/** Records the last minute of a robot's values and the last readings of its sensors. It begins when the page opens, so
+ *  that a card that is opened later can show the time before. */
+export class HistoryKeeper {
+  readonly history = new History();
+  readonly readings = new LastReadings();
+  /** Forgets the recorded values: the following data is from another time. */
+  begin(): void {
+    this.history.clear();
+    this.readings.clear();
+  }
+
+  /** Stops recording. */
+  readonly close: () => void;
+
+  constructor(twin: RobotTwin) {
+    this.close = twin.onState(() => {
+      const { schema, state } = twin;
+      if (schema === null || state === null) return;
+      this.history.push(schema, state);
+      this.readings.push(schema, state);
+    });
+  }
+}
 
 /** The connection that a robot's state comes over. */
 export type Connection = Pick<StreamClient, 'link' | 'onChange' | 'wake' | 'wishAll' | 'rest'>;
@@ -123,4 +147,9 @@ export function useVersion(...links: readonly RobotLink[]): number {
     },
     () => links.reduce((sum, { twin }) => sum + twin.version, 0),
   );
+}
+
+/** Whether the relay knows the robot. It has no past of a robot that it has not received since it started. */
+export function isHeard({ client, twin }: RobotLink): boolean {
+  return client.link.phase === 'open' && twin.schema !== null && twin.evidence.status?.seq != null;
 }

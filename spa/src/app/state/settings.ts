@@ -2,8 +2,9 @@ import { readStored, writeStored } from '../../browser/storage.ts';
 import { createStore } from '../../kit.ts';
 import type { FollowMode } from '../../scene/figure/body_view.ts';
 import type { AngleUnit } from '../../twin/format.ts';
+import { limitedNames } from '../../twin/joints.ts';
 import type { LoadField } from '../../twin/sensors/load.ts';
-import { useStore } from './use_store.ts';
+import { useStore } from './hooks.ts';
 
 /** The settings of the page. They are kept in this browser and never sent. */
 export interface Settings {
@@ -81,7 +82,7 @@ const CHOICES: { readonly [K in keyof Settings]: (value: unknown) => value is Se
   lens: isSwitch,
   forces: isSwitch,
   level: isSwitch,
-  load: (v): v is Settings['load'] => v === 'off' || v === 'cur' || v === 'temp',
+  load: (v): v is Settings['load'] => v === 'off' || limitedNames().some((name) => name === v),
   balance: (v): v is Settings['balance'] => v === 'auto' || v === 'on' || v === 'off',
   arrowScale: (v): v is number => typeof v === 'number' && v >= ARROWS.least && v <= ARROWS.most,
   headingLocked: isSwitch,
@@ -131,11 +132,6 @@ export function changeSettings(changed: Partial<Settings>): void {
   lent = Object.fromEntries(Object.entries(lent).filter(([key]) => !(key in changed)));
   writeStored(KEY, JSON.stringify(own));
   inForce.set({ ...own, ...lent });
-}
-
-/** The query in a hash, the part after the first `?`; empty if there is none. */
-export function queryOf(hash: string): URLSearchParams {
-  return new URLSearchParams(hash.split('?')[1] ?? '');
 }
 
 /** Applies the settings in a link, without storing them. Unknown names and values are ignored, as are settings that are not text,

@@ -67,8 +67,8 @@ export const en = {
   share: 'Share',
   noFaults: 'No faults',
   noFaultsReported: 'No faults reported',
-  overCurrent: 'current over its limit',
-  tooHot: 'too hot',
+  curFault: 'current over its limit',
+  tempFault: 'too hot',
   offCommand: (by: string) => (by === '' ? 'off its command' : `${by} off its command`),
   faultsAcknowledged: (count: number) =>
     count === 1 ? '1 fault, acknowledged' : `${count} faults, acknowledged`,

@@ -1,12 +1,7 @@
 import type { Text } from './en.ts';
 
-export { accountKo } from './account_ko.ts';
-export { balanceKo } from './balance/balance_ko.ts';
-export { momentsKo } from './moments/moments_ko.ts';
+export * from './late_ko.ts';
 export { moreKo } from './more_ko.ts';
-export { pastKo } from './past/past_ko.ts';
-export { presentKo } from './present_ko.ts';
-export { recordingKo } from './recording/recording_ko.ts';
 
 /** The Korean sentences of `en.ts`. */
 export const ko: Text = {
@@ -69,8 +64,8 @@ export const ko: Text = {
   noFaults: '고장 없음',
   noFaultsReported: '보고된 고장 없음',
   faultsAcknowledged: (count) => `고장 ${count}건, 확인함`,
-  overCurrent: '전류가 한계를 넘음',
-  tooHot: '너무 뜨거움',
+  curFault: '전류가 한계를 넘음',
+  tempFault: '너무 뜨거움',
   offCommand: (by) => (by === '' ? '명령에서 벗어남' : `명령에서 ${by} 벗어남`),
   joints: '관절',
   sensors: '센서',

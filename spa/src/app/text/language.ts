@@ -2,7 +2,10 @@ import { useSyncExternalStore } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import { createStore } from '../../kit.ts';
 import { onSettings, type Settings, settings } from '../state/settings.ts';
-import { en, type Text } from './en.ts';
+import { en } from './en.ts';
+import { type More, moreEn } from './more_en.ts';
+
+export type { More };
 
 type Language = Exclude<Settings['language'], 'system'>;
 type Korean = typeof import('./ko.ts');
@@ -16,11 +19,6 @@ const KOREAN = new LatePart(
 const inForce = createStore<Korean | null>(null);
 let wanted: Language = 'en';
 
-/** The sentences of `en.ts`, in the language in force. For code outside components; in a component use `useText`. */
-export function say(): Text {
-  return inForce.get()?.ko ?? en;
-}
-
 /** The loaded Korean sentences; null while the page is in English. */
 export const korean = inForce.get;
 /** The tag of the language in force. */
@@ -31,10 +29,20 @@ export function languageTag(): Language {
 /** Adds a listener for changes of the language in force. Returns a function that removes it. */
 export const onLanguage = inForce.subscribe;
 
-/** The sentences of `en.ts`, in the language in force, for a component. It is drawn again when the language changes. */
-export function useText(): Text {
-  return useSyncExternalStore(onLanguage, say);
+/** A table of sentences, in English and in Korean: returns it in the language in force, for code outside components, and for a
+ *  component, which is drawn again when the language changes. */
+export function texts<T>(english: T, ofKorean: (korean: Korean) => T): [say: () => T, useSaid: () => T] {
+  const said = () => {
+    const found = korean();
+    return found === null ? english : ofKorean(found);
+  };
+  return [said, () => useSyncExternalStore(onLanguage, said)];
 }
+
+/** The sentences of `en.ts`: what the first picture needs. */
+export const [say, useText] = texts(en, ({ ko }) => ko);
+/** The sentences of `more_en.ts`: of the parts that come after it. */
+export const [more, useMore] = texts(moreEn, ({ moreKo }) => moreKo);
 
 /** The language to use: the person's choice; for `system` the first of the browser's language tags that is English or
  *  Korean, or English if there is none. */

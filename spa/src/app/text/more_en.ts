@@ -1,9 +1,37 @@
-import { listEn } from './list_en.ts';
-
 /** The English sentences of the parts that are loaded on demand, the robot list among them. Those needed at the start are
  *  in `en.ts`. */
 export const moreEn = {
-  ...listEn,
+  // ---- the list of robots
+  onAir: 'On air',
+  wasOnAir: 'Off air',
+  noRelay: 'No connection to the relay. Trying again.',
+  askingRelay: 'Asking the relay which robots are on air.',
+  sideBySide: 'View side by side',
+  chooseSome: 'Choose two to six robots.',
+  showSideBySide: (count: number) => `Show ${count} side by side`,
+  cancel: 'Cancel',
+  viewers: (count: number) => `${count} ${count === 1 ? 'viewer' : 'viewers'}`,
+  yourOwn: 'Your own robot or recording',
+  dropHere:
+    'Or drop a folder or zip with a URDF, or a recording, anywhere on this page. Nothing is uploaded.',
+  chooseFolder: 'Choose a folder',
+  chooseZip: 'Choose a zip or a recording',
+  nobodyOnAir: 'No robot is on air. Run one command beside a robot to put it here.',
+  askOperator: 'Ask whoever runs this relay for PORT and FILE.',
+  onThatComputer: "Run these on the relay's computer.",
+  agentAlone: 'If only the agent is installed, type posecast-edge instead of posecast.',
+  demoRobot: 'The demo robot',
+  yours: 'Your robot: one JSON object per line',
+  copy: 'Copy',
+  copied: 'Copied',
+
+  // ---- presenting
+  present: 'Present',
+  presentWhat: 'For a projector: only the robot, with large text. Press Esc to leave.',
+  keyPresent: 'present: for a projector',
+  leavePresenting: 'Stop presenting (Esc)',
+  ended: 'ended',
+  moreFaults: (count: number) => (count === 1 ? 'and one more fault' : `and ${count} more faults`),
 
   // ---- a link to a moment, where there is no past
   noPast: 'The moment in this link can’t be shown here. This is live.',
@@ -154,20 +182,20 @@ export const moreEn = {
   // ---- a joint's card
   closeCard: 'Close the card',
   closeByEscape: 'Close (Esc)',
-  position: 'position',
-  positionMeans: 'Where the joint is, measured at the motor or the joint.',
-  reference: 'reference',
-  referenceMeans: 'Where the joint was told to be.',
-  deviation: 'error',
-  deviationMeans: 'Reference minus position.',
-  velocity: 'velocity',
-  velocityMeans: 'How fast the joint moves.',
-  torque: 'effort',
-  torqueMeans: 'Torque of a turning joint, force of a sliding one.',
-  current: 'current',
-  currentMeans: 'What the motor draws. It rises with the load on the joint.',
-  heat: 'temperature',
-  heatMeans: 'Temperature of the motor or its driver.',
+  posName: 'position',
+  posMeans: 'Where the joint is, measured at the motor or the joint.',
+  refName: 'reference',
+  refMeans: 'Where the joint was told to be.',
+  errorName: 'error',
+  errorMeans: 'Reference minus position.',
+  velName: 'velocity',
+  velMeans: 'How fast the joint moves.',
+  effortName: 'effort',
+  effortMeans: 'Torque of a turning joint, force of a sliding one.',
+  curName: 'current',
+  curMeans: 'What the motor draws. It rises with the load on the joint.',
+  tempName: 'temperature',
+  tempMeans: 'Temperature of the motor or its driver.',
   lastRead: (span: string) => `last read ${span} ago`,
   tolerated: (value: string) => `tolerance: ${value}`,
   limitIs: (range: string) => `limit: ${range}`,
@@ -224,9 +252,9 @@ export const moreEn = {
 
   // ---- faults as sentences; places as in a profile, see docs/reference/profile.md
   itWas: (said: string) => `Earlier: ${said}`,
-  offSentence: '{joint} is not where it was told to be[: {error} off][ for {age}].',
-  hotSentence: '{joint} is too hot[: {temp}].',
-  currentSentence: '{joint} draws too much current[: {cur}].',
+  apartSentence: '{joint} is not where it was told to be[: {error} off][ for {age}].',
+  tempSentence: '{joint} is too hot[: {temp}].',
+  curSentence: '{joint} draws too much current[: {cur}].',
   flagReported: '{joint} reports “{word}”[ for {age}].',
   timesLately: (times: number) => `${ordinal(times)} time in 10 min`,
   manyTimesLately: (times: number) => `over ${times - 1} times in 10 min`,
@@ -285,8 +313,8 @@ export const moreEn = {
   lowerLimit: 'lower limit',
   upperLimit: 'upper limit',
   motors: 'Motors',
-  currentOfAll: 'Motor current, all joints',
-  heatOfAll: 'Temperature, all joints',
+  curOfAll: 'Motor current, all joints',
+  tempOfAll: 'Temperature, all joints',
   limitNoNumber: 'Not a number.',
   limitMissing: 'Enter a lower or an upper limit.',
   limitsCrossed: 'The lower limit must be below the upper one.',
@@ -365,8 +393,6 @@ export const moreEn = {
   withoutBody: 'Robots without a body',
   noBody: (why: string) => `No body: ${why}`,
   bodies: 'Bodies',
-  lineNeeds3d: 'Robots side by side need 3D, which this browser does not have. Open them one by one.',
-  lineGivenUp: '3D keeps failing in this browser. Open the robots one by one.',
 
   // ---- a robot from this computer
   closeRobot: 'Close this robot',

@@ -10,12 +10,10 @@ export function faultWords(
   switch (what) {
     case 'flag':
       return edgeWords(source, words);
-    case 'cur':
-      return say().overCurrent;
-    case 'temp':
-      return say().tooHot;
     case 'apart':
       return say().offCommand(by);
+    default:
+      return say()[`${what}Fault`];
   }
 }
 

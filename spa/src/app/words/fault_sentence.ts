@@ -1,12 +1,10 @@
 import type { Fault, FaultLog } from '../../twin/alarms/fault_log.ts';
-import { fillSentence } from '../../twin/alarms/sentence.ts';
+import { fillSentence, sentenceOf } from '../../twin/alarms/sentence.ts';
 import { coarseDisplay, displayOf, formatNumber, formatSpan } from '../../twin/format.ts';
 import { isolated, wordsOfName } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
-import { flagSentence } from '../explain/flag_sentence.ts';
 import { settings } from '../state/settings.ts';
-import { languageTag } from '../text/language.ts';
-import { more } from '../text/more.ts';
+import { languageTag, more } from '../text/language.ts';
 
 /** Faults that belong to no joint or sensor, in any language. */
 const PART_REPORTED = '{joint}: {word}';
@@ -75,19 +73,10 @@ function bitOf({ key }: Fault): string {
 }
 
 function sayOf(twin: RobotTwin, fault: Fault): string {
-  const { offSentence, hotSentence, currentSentence, flagReported } = more();
-  switch (fault.what) {
-    case 'apart':
-      return offSentence;
-    case 'temp':
-      return hotSentence;
-    case 'cur':
-      return currentSentence;
-    case 'flag': {
-      const isPart = twin.schema?.fields.some(({ labels }) => labels.includes(fault.source)) ?? false;
-      return flagSentence(twin, fault.source, bitOf(fault))?.say ?? (isPart ? flagReported : PART_REPORTED);
-    }
-  }
+  if (fault.what !== 'flag') return more()[`${fault.what}Sentence`];
+  const isPart = twin.schema?.fields.some(({ labels }) => labels.includes(fault.source)) ?? false;
+  const told = sentenceOf(twin.schema, fault.source, bitOf(fault), languageTag());
+  return told?.say ?? (isPart ? more().flagReported : PART_REPORTED);
 }
 
 function ageOf(log: FaultLog, { key, firstMs, clearedMs }: Fault, nowMs: number): string | null {

@@ -1,7 +1,6 @@
 import { formatClockSeconds } from '../../twin/format.ts';
 import type { PastWords, Verdict } from '../../twin/liveness.ts';
-import { languageTag, say } from '../text/language.ts';
-import { more } from '../text/more.ts';
+import { languageTag, more, say } from '../text/language.ts';
 
 /** A moment in the viewer's time zone and how long ago it was: "14:02:07 · 2 min ago"; with the date if that was not
  *  today. */

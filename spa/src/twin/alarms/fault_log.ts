@@ -1,13 +1,13 @@
 import type { EventMessage, Schema } from '@posecast/wire';
 import { flagWords } from '../format.ts';
-import type { JointRow } from '../joints.ts';
+import type { JointRow, LimitedName } from '../joints.ts';
 import type { ValueLimits } from '../limits/limits.ts';
 import { isWithin, type Spans } from '../spans.ts';
 import { Occurrences } from './occurrences.ts';
 
 /** The kind of fault: a flag bit set by the robot, an exceeded limit (current, temperature), or a joint that has long deviated
  *  from its command (`apart`). */
-type What = 'flag' | 'cur' | 'temp' | 'apart';
+type What = 'flag' | 'apart' | LimitedName;
 
 /** One fault, kept until it is over and acknowledged. A caution disappears on its own when it is over. */
 export interface Fault {
@@ -243,8 +243,8 @@ function keyOf(source: string, text: string): string {
 
 function* faultsOf(row: JointRow): Generator<[what: What, text: string, words: string]> {
   for (const flag of row.flags) if (flag.severity === 'fault') yield ['flag', flag.name, flag.words];
-  if (row.curLevel === 'fault') yield ['cur', 'cur', ''];
-  if (row.tempLevel === 'fault') yield ['temp', 'temp', ''];
+  for (const name in row.levels)
+    if (row.levels[name as LimitedName] === 'fault') yield [name as LimitedName, name, ''];
 }
 
 /** Serialises acknowledgements to JSON for the browser's storage. */

@@ -1,5 +1,6 @@
 import { JOINT, type Schema } from '@posecast/wire';
 import { MARGIN } from '../balance/margin_limits.ts';
+import { limitedNames, numberOf } from '../joints.ts';
 import { ANY } from '../limits/limits.ts';
 import { SensorTable, type SensorWords } from '../sensors/sensors.ts';
 
@@ -24,8 +25,6 @@ export interface LimitChannelGroup {
 const SPANS: Readonly<Record<string, number>> = {
   ftf: 1000,
   ftm: 100,
-  cur: 20,
-  temp: 120,
   volt: 60,
   amp: 50,
   [MARGIN.field]: 100,
@@ -33,8 +32,8 @@ const SPANS: Readonly<Record<string, number>> = {
 /** The texts in the viewer's language. */
 export interface LimitChannelWords extends SensorWords {
   readonly motors: string;
-  readonly currentOfAll: string;
-  readonly heatOfAll: string;
+  readonly curOfAll: string;
+  readonly tempOfAll: string;
 }
 
 /** The texts about balance. */
@@ -54,7 +53,7 @@ export function limitChannels(
   const span = (field: string, label: string) => {
     const { low, high } = schema.mapping.threshold(field, label) ?? { low: null, high: null };
     const most = 1.5 * Math.max(Math.abs(low ?? 0), Math.abs(high ?? 0));
-    return most > 0 ? most : (SPANS[field] ?? 100);
+    return most > 0 ? most : (numberOf(field)?.span ?? SPANS[field] ?? 100);
   };
   const groups: LimitChannelGroup[] = [];
   for (const group of new SensorTable(schema, words).groups) {
@@ -66,14 +65,14 @@ export function limitChannels(
       })),
     });
   }
-  const loads = (['cur', 'temp'] as const).flatMap((name) => {
+  const loads = limitedNames().flatMap((name) => {
     const field = schema.field(name);
     if (field?.labelSet !== JOINT) return [];
     return [
       {
         field: name,
         label: ANY,
-        name: name === 'cur' ? words.currentOfAll : words.heatOfAll,
+        name: words[`${name}OfAll`],
         unit: field.unit,
         span: span(name, ANY),
       },

@@ -1,4 +1,5 @@
 import type { Schema } from '@posecast/wire';
+import { numberOf } from '../joints.ts';
 import { isolated } from '../names.ts';
 import { SensorTable, type SensorWords } from '../sensors/sensors.ts';
 import type { ChannelReader } from '../values.ts';
@@ -40,21 +41,17 @@ export function traceReading(
 ): TraceReading | null {
   const main = schema.field('pos') ?? schema.field('ref');
   const title = `${isolated(label)} ${name}`;
-  if (name === 'error') {
-    const [ref, pos] = [schema.field('ref'), schema.field('pos')];
-    const index = pos?.labels.indexOf(label) ?? -1;
-    if (ref === null || pos === null || index < 0 || ref.labelSet !== pos.labelSet) return null;
+  const computed = numberOf(name)?.computed;
+  if (computed !== undefined) {
+    const [of, minus] = [schema.field(computed.of), schema.field(computed.minus)];
+    const index = minus?.labels.indexOf(label) ?? -1;
+    if (of === null || minus === null || index < 0 || of.labelSet !== minus.labelSet) return null;
     const read: ChannelReader = (codes) => {
-      const [told, is] = [valueAt(codes, ref, index), valueAt(codes, pos, index)];
-      return told === null || is === null ? null : told - is;
+      const [whole, less] = [valueAt(codes, of, index), valueAt(codes, minus, index)];
+      return whole === null || less === null ? null : whole - less;
     };
-    return {
-      title,
-      unit: schema.mapping.unit('pos', label) ?? pos.unit,
-      scale: pos.scale,
-      read,
-      ofJoint: true,
-    };
+    const unit = schema.mapping.unit(minus.name, label) ?? minus.unit;
+    return { title, unit, scale: minus.scale, read, ofJoint: true };
   }
   const field = schema.field(name);
   if (field !== null && field.labelSet === main?.labelSet && field.bits.length === 0) {

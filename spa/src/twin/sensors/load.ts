@@ -1,11 +1,9 @@
 import { JOINT, type Level, type Schema, type Threshold } from '@posecast/wire';
+import { type LimitedName, numberOf } from '../joints.ts';
 import { LevelLatch, type ValueLimits, worseOf } from '../limits/limits.ts';
 import { valueAt } from '../values.ts';
 
-export type LoadField = 'cur' | 'temp';
-
-/** Start of the colour scale, A and °C: a motor at rest draws no current and has room temperature. */
-const REST: Readonly<Record<LoadField, number>> = { cur: 0, temp: 20 };
+export type LoadField = LimitedName;
 
 /** How loaded one joint is. */
 export interface Load {
@@ -31,6 +29,8 @@ export interface LoadScale {
 export class LoadTable {
   readonly #schema: Schema;
   readonly #field: LoadField;
+  /** The start of the colour scale. */
+  readonly #rest: number;
   readonly #loads = new Map<string, Load>();
   readonly #latches: readonly LevelLatch[];
   readonly #jointsOf: ReadonlyMap<string, readonly string[]>;
@@ -39,6 +39,7 @@ export class LoadTable {
   constructor(schema: Schema, field: LoadField) {
     this.#schema = schema;
     this.#field = field;
+    this.#rest = numberOf(field)?.rest ?? 0;
     const of = schema.field(field);
     this.#latches = (of?.labels ?? []).map(() => new LevelLatch());
     const jointsOf = new Map<string, string[]>();
@@ -81,7 +82,7 @@ export class LoadTable {
 
   scale(limits: ValueLimits): LoadScale {
     const field = this.#schema.field(this.#field);
-    const rest = REST[this.#field];
+    const rest = this.#rest;
     const base = { field: this.#field, unit: field?.unit ?? '', rest };
     const all = (field?.labels ?? []).map((label) => limits.threshold(this.#field, label));
     const found = all.filter((threshold) => threshold !== null);
@@ -96,14 +97,14 @@ export class LoadTable {
   }
 
   #away(value: number): number {
-    return Math.abs(value - REST[this.#field]);
+    return Math.abs(value - this.#rest);
   }
 
   /** The position of a value between rest and its limit on that side (0…1); without limits, relative to the largest value
    *  seen.
    */
   #part(value: number, threshold: Threshold | null): number {
-    const rest = REST[this.#field];
+    const rest = this.#rest;
     const limit = value < rest ? threshold?.low : threshold?.high;
     if (limit == null) return threshold === null && this.#largest > 0 ? this.#away(value) / this.#largest : 0;
     const whole = limit - rest;

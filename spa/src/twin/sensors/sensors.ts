@@ -1,4 +1,5 @@
 import type { Field, Level, Schema } from '@posecast/wire';
+import { numberOf } from '../joints.ts';
 import { LevelLatch, ValueLimits } from '../limits/limits.ts';
 import { isolated, placeOf } from '../names.ts';
 import { rpyOf, normalizeQuat as unitQuat } from '../rotation.ts';
@@ -37,7 +38,6 @@ export interface SensorWords {
   readonly charge?: string;
 }
 
-const JOINT_FIELDS = new Set(['ref', 'pos', 'vel', 'effort', 'cur', 'temp']);
 const KIND_OF_FIELD: Readonly<Record<string, Exclude<SensorGroup['kind'], 'other'>>> = {
   base: 'base',
   baseq: 'base',
@@ -93,7 +93,7 @@ export class SensorTable {
     for (const field of schema.fields) {
       if (field.bits.length > 0) continue; // bits are reported as alarms
       const ofJoints = field.labelSet === main?.labelSet;
-      if (ofJoints && JOINT_FIELDS.has(field.name)) continue;
+      if (ofJoints && numberOf(field.name) !== undefined) continue;
       const kind = KIND_OF_FIELD[field.name] ?? 'other';
       field.labels.forEach((label, index) => {
         const [site, component] = split(label, kind);

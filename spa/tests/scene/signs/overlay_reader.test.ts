@@ -1,6 +1,6 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { balanceEn } from '../../../src/app/text/balance/balance_en.ts';
+import { balanceEn } from '../../../src/app/text/late_en.ts';
 import { moreEn } from '../../../src/app/text/more_en.ts';
 import { limitChannels } from '../../../src/twin/alarms/limit_channels.ts';
 import { ValueLimits } from '../../../src/twin/limits/limits.ts';

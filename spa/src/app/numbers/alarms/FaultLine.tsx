@@ -6,12 +6,12 @@ import { formatSpan } from '../../../twin/format.ts';
 import { isThen } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
-import { FlagTerm } from '../../explain/FlagTerm.tsx';
+import { FlagTerm } from '../../explain/terms.tsx';
 import { useLatePart } from '../../shell/late.tsx';
-import { useNow } from '../../shell/now.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
+import { useTicked } from '../../state/hooks.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
-import { selectJoint } from '../../state/selection.ts';
+import { selectJoint } from '../../state/viewing.ts';
 import { say, useText } from '../../text/language.ts';
 import { faultWords } from '../../words/fault.ts';
 
@@ -20,32 +20,38 @@ const SENTENCES = new LatePart(() => firstPaint().then(() => import('../../words
 
 /** The faults in one line above the tabs; on a phone it stays visible when the sheet is down. `onMore` shows all of them. */
 export function FaultLine({ link, onMore }: { link: RobotLink; onMore: () => void }) {
-  useNow(500); // updates how long it has lasted
   const text = useText();
   const sentences = useLatePart(SENTENCES);
   const faults = useFaults(link.faults);
   const open = faults?.filter((fault) => !fault.acknowledged) ?? [];
   const counted = open.filter(({ level }) => level === 'fault').length;
   const first = open[0];
-  if (first === undefined)
+  const told = useTicked(500, () => {
+    if (first === undefined) return null;
+    const { log } = link.faults;
+    const nowMs = link.faults.nowMs();
+    const sentence = sentences?.faultSentence(link.twin, log, first, nowMs) ?? null;
+    return {
+      said: sentence?.said ?? `${isolated(first.source)} ${faultWords(first)}`,
+      code: sentence?.code,
+      bit: sentence?.bit,
+      when: sentence?.aged
+        ? ''
+        : whenWords(first, log.occurrences.newestMs(first.key) ?? first.firstMs, nowMs),
+      times: sentences?.timesWords(log, first, nowMs),
+    };
+  });
+  if (told === null || first === undefined)
     return (
       <div className="fault-line" data-testid="fault-line" data-faults={faults === null ? undefined : 0}>
         <span className="quiet">{faults === null ? '' : quietWords(link.twin, faults)}</span>
       </div>
     );
-  const { log } = link.faults;
-  const nowMs = link.faults.nowMs();
-  const told = sentences?.faultSentence(link.twin, log, first, nowMs);
-  const said = told?.said ?? `${isolated(first.source)} ${faultWords(first)}`;
-  const details = [
-    told?.code,
-    told?.bit && <FlagTerm source={first.source} bit={told.bit} />,
-    told?.aged ? '' : whenWords(first, log.occurrences.newestMs(first.key) ?? first.firstMs, nowMs),
-    sentences?.timesWords(log, first, nowMs),
-  ].filter(Boolean);
+  const { said, code, bit, when, times } = told;
+  const details = [code, bit && <FlagTerm source={first.source} bit={bit} />, when, times].filter(Boolean);
   const acknowledge = open.length > 1 ? text.acknowledgeAll : text.acknowledge;
   return (
-    <div className="fault-line" data-testid="fault-line" data-faults={counted} data-told={told !== undefined}>
+    <div className="fault-line" data-testid="fault-line" data-faults={counted} data-told={sentences !== null}>
       <span
         className="fault-mark"
         data-level={first.level}

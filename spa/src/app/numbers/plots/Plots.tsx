@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState } from 'react';
+import { useEffect, useEffectEvent, useRef, useState } from 'react';
 import './plots.css';
 import type { History } from '../../../twin/plots/history.ts';
 import { BALANCE_TRACES } from '../../balance/BalanceParts.tsx';
@@ -6,9 +6,8 @@ import { refreshWith } from '../../shell/refresh.ts';
 import { useTheme } from '../../shell/theme.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { useSettings } from '../../state/settings.ts';
-import { clearTraces, removeTrace, useTraces } from '../../state/traces.ts';
-import { say } from '../../text/language.ts';
-import { useMore } from '../../text/more.ts';
+import { clearTraces, removeTrace, useTraces } from '../../state/viewing.ts';
+import { say, useMore } from '../../text/language.ts';
 import { PlotStack } from './plot_stack.ts';
 
 /** Plots are redrawn this often even without new frames, because the time axis moves. */
@@ -29,10 +28,12 @@ export function Plots({ link }: { link: RobotLink }) {
   const { angle } = useSettings();
   const text = useMore();
   const [held, setHeld] = useState<Held | null>(null);
-  const heldNow = useRef(held);
-  heldNow.current = held;
   const { history } = link.minute;
 
+  const write = useEffectEvent((made: PlotStack, anew = true) => {
+    if (held === null) made.write(history, link.nowMs());
+    else if (anew || made.computing) made.write(held.past, held.atMs);
+  });
   useEffect(() => {
     if (host.current === null || list.length === 0) return;
     const made = new PlotStack(host.current, list, {
@@ -44,14 +45,8 @@ export function Plots({ link }: { link: RobotLink }) {
       zoomed: () => setHeld((before) => before ?? hold(history, link.nowMs())),
     });
     stack.current = made;
-    const write = () => made.write(history, link.nowMs());
-    if (heldNow.current === null) write();
-    else made.write(heldNow.current.past, heldNow.current.atMs);
-    const refresh = () => {
-      if (heldNow.current === null) write();
-      else if (made.computing) made.write(heldNow.current.past, heldNow.current.atMs);
-    };
-    const stop = refreshWith(link.twin, refresh, [], SLIDES_EVERY_MS);
+    write(made);
+    const stop = refreshWith(link.twin, () => write(made, false), [], SLIDES_EVERY_MS);
     return () => {
       stop();
       stack.current = null;

@@ -260,9 +260,9 @@ export class PlotStack {
 /** "RKN pos", using the page's word for the column; "right foot Fz". */
 function titleOf({ of, reading }: PlotTrace): string {
   const { field, label } = of;
-  const ofTable = NUMBERS.find((name) => name === field);
+  const ofTable = NUMBERS.find(({ name }) => name === field);
   if (reading !== null && !reading.ofJoint) return reading.title;
-  return `${isolated(label)} ${ofTable === undefined ? field : say()[ofTable]}`;
+  return `${isolated(label)} ${ofTable === undefined ? field : say()[ofTable.name]}`;
 }
 
 function aligned({ s, columns }: PlotData): uPlot.AlignedData {

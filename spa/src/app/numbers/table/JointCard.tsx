@@ -1,21 +1,30 @@
 import './joint_card.css';
-import { useEffect, useRef } from 'react';
-import { flagWords, formatClockSeconds } from '../../../twin/format.ts';
+import { useEffect, useMemo, useRef, useState } from 'react';
+import { manifestAt } from '../../../model/files.ts';
+import { type Manifest, readManifest } from '../../../model/manifest.ts';
+import { limitMargin } from '../../../twin/balance/limit_margin.ts';
+import {
+  type Display,
+  displayOf,
+  flagWords,
+  formatClockSeconds,
+  formatNumber,
+} from '../../../twin/format.ts';
+import { JointChannels } from '../../../twin/joint_channels.ts';
 import { isolated, wordsOfName } from '../../../twin/names.ts';
-import { FlagTerm } from '../../explain/FlagTerm.tsx';
+import { Poser } from '../../../twin/playback/pose.ts';
+import { FlagTerm } from '../../explain/terms.tsx';
 import { BackIcon, IconButton } from '../../shell/icons.tsx';
-import { useNow } from '../../shell/now.ts';
 import { usePageKeys } from '../../shell/page_keys.ts';
 import { refreshWith } from '../../shell/refresh.ts';
 import { useFaults } from '../../state/fault_keeper.ts';
+import { useTicked } from '../../state/hooks.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
-import { selection, selectJoint } from '../../state/selection.ts';
 import { useSettings } from '../../state/settings.ts';
-import { onTraces } from '../../state/traces.ts';
-import { languageTag, onLanguage } from '../../text/language.ts';
-import { useMore } from '../../text/more.ts';
-import { OpenFaults } from '../alarms/OpenFaults.tsx';
-import { JointRoom } from './JointRoom.tsx';
+import { onTraces, selection, selectJoint } from '../../state/viewing.ts';
+import { languageTag, onLanguage, useMore } from '../../text/language.ts';
+import { type BalanceText, useBalanceText } from '../../text/late.ts';
+import { OpenFaults } from '../alarms/Alarms.tsx';
 import { JointCardView } from './joint_card_view.ts';
 
 const EVENTS_SHOWN = 8;
@@ -48,8 +57,10 @@ export function JointCard({ link, joint }: { link: RobotLink; joint: string }) {
   const words = wordsOfName(link.twin.schema, joint, languageTag());
   const plain = words === null ? undefined : isolated(words);
   const [name, other] = names === 'words' && plain !== undefined ? [plain, code] : [code, plain];
-  const flags = link.twin.joints()?.rows.find(({ label }) => label === joint)?.flags ?? [];
-  useNow(1000); // for the flags
+  const flags = useTicked(
+    1000,
+    () => link.twin.joints()?.rows.find(({ label }) => label === joint)?.flags ?? [],
+  );
   return (
     <section className="joint-card" data-testid="joint-card" aria-label={name}>
       <header>
@@ -92,4 +103,77 @@ function close(joint: string): void {
   requestAnimationFrame(() =>
     document.querySelector<HTMLElement>(`tr[data-label="${CSS.escape(joint)}"] button`)?.focus(),
   );
+}
+
+/** Numbers that change faster can't be read. */
+const EVERY_MS = 250;
+/** If less than this part of the joint's range is left, it is marked. */
+const CAUTION_PART = 0.05;
+
+/** The distance from a joint to its end stops, which come from the model: one line for each model joint that the channel moves.
+ *  Empty for joints without limits. */
+export function JointRoom({ link, joint }: { link: RobotLink; joint: string }) {
+  const { angle } = useSettings();
+  const text = useBalanceText();
+  const room = useRooms(link, joint);
+  const lines = useTicked(EVERY_MS, () => {
+    const { state } = link.twin;
+    if (room === null || state === null) return [];
+    const values = room.poser.values(state.codes);
+    return room.joints.flatMap(({ name, limits, slides }) => {
+      const left = limitMargin(values[room.poser.joints.indexOf(name)] ?? null, limits);
+      if (left === null) return [];
+      const level = left.part / 2 < CAUTION_PART ? 'caution' : 'ok';
+      return [{ name, level, words: roomWords(left, displayOf(slides ? 'm' : 'rad', angle), text) }];
+    });
+  });
+  return lines.map(({ name, level, words }) => (
+    <p className="card-room-left" key={name} data-testid="joint-room" data-level={level}>
+      <button type="button" className="term" data-explain="balance.room" aria-haspopup="dialog">
+        {text.room}
+      </button>{' '}
+      {lines.length > 1 || name !== joint ? `${isolated(name)}: ` : ''}
+      {words}
+    </p>
+  ));
+}
+
+function roomWords(
+  { left, nearer, part }: NonNullable<ReturnType<typeof limitMargin>>,
+  display: Display,
+  text: BalanceText,
+): string {
+  const value = `${formatNumber(Math.abs(left), display).trim()} ${display.unit}`;
+  if (left < 0) return nearer === 'lower' ? text.beyondLower(value) : text.beyondUpper(value);
+  const words = nearer === 'lower' ? text.toLower(value) : text.toUpper(value);
+  return `${words}, ${text.ofItsWay(`${Math.round(part * 50)} %`)}`;
+}
+
+/** The model joints that the channel moves and that have limits; null before the model has loaded. */
+function useRooms(link: RobotLink, joint: string) {
+  useVersion(link);
+  const { schema, modelHash } = link.twin;
+  const { manifestUrl } = link;
+  const [manifest, setManifest] = useState<Manifest | null>(null);
+  useEffect(() => {
+    setManifest(null);
+    if (modelHash === null) return;
+    let left = false;
+    manifestAt(manifestUrl(modelHash))
+      .then((raw) => !left && raw.v === 2 && setManifest(readManifest(raw)))
+      .catch(() => {}); // the body reports the reason
+    return () => {
+      left = true;
+    };
+  }, [manifestUrl, modelHash]);
+  return useMemo(() => {
+    if (schema === null || manifest === null) return null;
+    const moved = new JointChannels(schema).jointsOf(joint);
+    const joints = manifest.joints.flatMap(({ name, type, limits }) =>
+      limits !== null && type !== 'continuous' && moved.includes(name)
+        ? [{ name, limits, slides: type === 'prismatic' }]
+        : [],
+    );
+    return { poser: new Poser(schema, 'pos'), joints };
+  }, [schema, manifest, joint]);
 }

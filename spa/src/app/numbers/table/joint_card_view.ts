@@ -1,38 +1,25 @@
 import type { PastState } from '../../../past/past_types.ts';
 import { type Display, displayOf, formatNumber, formatSpan } from '../../../twin/format.ts';
+import { fieldOfNumber, NUMBERS, type NumberName, numberOf } from '../../../twin/joints.ts';
 import { rangeWords } from '../../../twin/limits/limits.ts';
 import { HISTORY_S, type History, type TraceHistory } from '../../../twin/plots/history.ts';
 import { strip } from '../../../twin/plots/sparkline.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../../twin/values.ts';
-import { createUnit } from '../../explain/term.ts';
-import { createElement, setPressed, TextCell } from '../../shell/cells.ts';
-import { NumberGrid } from '../../shell/number_grid.ts';
+import { createUnit } from '../../explain/terms.tsx';
+import { createElement, NumberGrid, setPressed, TextCell } from '../../shell/cells.ts';
 import type { RobotLink } from '../../state/robot_link.ts';
 import { settings } from '../../state/settings.ts';
-import { isPlotted, toggleTrace } from '../../state/traces.ts';
-import { more } from '../../text/more.ts';
+import { isPlotted, toggleTrace } from '../../state/viewing.ts';
+import { more } from '../../text/language.ts';
 
-/** The quantities of a joint, each with its name and an explanation for newcomers. */
-const QUANTITIES = [
-  { field: 'pos', name: 'position', what: 'positionMeans' },
-  { field: 'ref', name: 'reference', what: 'referenceMeans' },
-  { field: 'error', name: 'deviation', what: 'deviationMeans' },
-  { field: 'vel', name: 'velocity', what: 'velocityMeans' },
-  { field: 'effort', name: 'torque', what: 'torqueMeans' },
-  { field: 'cur', name: 'current', what: 'currentMeans' },
-  { field: 'temp', name: 'heat', what: 'heatMeans' },
-] as const;
-
-/** Minimum range of a strip (in the field's unit), so that noise looks like a flat line. */
-const LEAST_RANGE = { pos: 0.02, cur: 0.5 };
 const STRIP = { width: 300, height: 56 };
 /** In the past, a strip extends as far ahead of the shown moment as behind it, s. */
 const HALF_S = HISTORY_S / 2;
 
 interface Line {
-  field: (typeof QUANTITIES)[number]['field'];
+  field: NumberName;
   display: Display;
   unit: TextCell;
   limit: TextCell;
@@ -40,7 +27,7 @@ interface Line {
 }
 
 interface StripView {
-  fields: readonly ('pos' | 'ref' | 'cur')[];
+  fields: readonly string[];
   leastRange: number;
   paths: SVGPathElement[];
   /** The data after the shown moment; none in the present. */
@@ -105,10 +92,11 @@ export class JointCardView {
   }
 
   #value(field: Line['field']): number | null {
-    const of = (name: string) => this.#twin.value(name, this.#label) ?? null;
-    if (field !== 'error') return of(field);
-    const [ref, pos] = [of('ref'), of('pos')];
-    return ref === null || pos === null ? null : ref - pos;
+    const read = (name: string) => this.#twin.value(name, this.#label) ?? null;
+    const computed = numberOf(field)?.computed;
+    if (computed === undefined) return read(field);
+    const [of, minus] = [read(computed.of), read(computed.minus)];
+    return of === null || minus === null ? null : of - minus;
   }
 
   /** The last reading, if there is none now. */
@@ -120,9 +108,9 @@ export class JointCardView {
     return sinceMs === null ? null : { value: valueAt(this.#readings.codes, field, index), sinceMs };
   }
 
-  #displayOf(field: Line['field']): Display {
+  #displayOf(field: string): Display {
     const { schema } = this.#twin;
-    const name = field === 'error' ? 'pos' : field;
+    const name = fieldOfNumber(field);
     const of = schema?.field(name);
     const unit = schema?.mapping.unit(name, this.#label) ?? of?.unit ?? '';
     return displayOf(unit, settings().angle, of?.scale);
@@ -130,7 +118,7 @@ export class JointCardView {
 
   #limitWords({ field, display }: Line): string {
     const shown = (value: number) => `${formatNumber(value, display).trim()} ${display.unit}`.trim();
-    if (field === 'error') {
+    if (numberOf(field)?.judged === 'tolerance') {
       const tolerance = this.#twin.schema?.mapping.tolerance(this.#label) ?? null;
       return tolerance === null ? '' : more().tolerated(shown(tolerance));
     }
@@ -181,15 +169,16 @@ export class JointCardView {
       this.#strips = [];
       return;
     }
-    const shown = QUANTITIES.filter(({ field }) =>
-      field === 'error' ? has('ref') && has('pos') : has(field),
-    );
+    const shown = NUMBERS.filter(({ name, ...rest }) => {
+      const { of = name, minus = name } = 'computed' in rest ? rest.computed : {};
+      return has(of) && has(minus);
+    }).sort((a, b) => a.place - b.place);
     const list = createElement('dl', 'card-values');
     const values: HTMLElement[] = [];
-    this.#lines = shown.map(({ field, name, what }) => {
+    this.#lines = shown.map(({ name: field }) => {
       const row = createElement('div', '');
-      const term = createElement('dt', '', text[name]);
-      term.append(createElement('small', 'quiet', text[what]));
+      const term = createElement('dt', '', text[`${field}Name`]);
+      term.append(createElement('small', 'quiet', text[`${field}Means`]));
       const value = createElement('dd', 'c-num');
       value.dataset.field = field;
       values.push(value);
@@ -215,9 +204,11 @@ export class JointCardView {
     this.#values = new NumberGrid(values);
     this.#strips = [];
     const strips = createElement('div', 'strips');
-    if (has('pos'))
-      strips.append(this.#strip(has('ref') ? ['ref', 'pos'] : ['pos'], text.position, LEAST_RANGE.pos));
-    if (has('cur')) strips.append(this.#strip(['cur'], text.current, LEAST_RANGE.cur));
+    for (const { name, ...rest } of shown) {
+      if (!('leastRange' in rest)) continue;
+      const behind = 'beside' in rest && has(rest.beside) ? [rest.beside] : [];
+      strips.append(this.#strip([...behind, name], text[`${name}Name`], rest.leastRange));
+    }
     this.#host.replaceChildren(strips, list);
   }
 
@@ -226,7 +217,7 @@ export class JointCardView {
     const past = this.#coming !== null;
     const said = past ? more().secondsAround(name, HALF_S) : more().lastSeconds(name, HISTORY_S);
     const caption = createElement('figcaption', 'quiet', said);
-    if (fields.length > 1) caption.append(createElement('span', 'strip-key', more().reference));
+    if (fields.length > 1) caption.append(createElement('span', 'strip-key', more().refName));
     const box = document.createElementNS(SVG, 'svg');
     box.setAttribute('viewBox', `0 0 ${STRIP.width} ${STRIP.height}`);
     box.setAttribute('preserveAspectRatio', 'none');

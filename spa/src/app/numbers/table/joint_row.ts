@@ -1,6 +1,6 @@
 import type { Fault } from '../../../twin/alarms/fault_log.ts';
 import { displayOf, formatSpan } from '../../../twin/format.ts';
-import type { JointRow, NumberName } from '../../../twin/joints.ts';
+import type { JointRow, NUMBERS, NumberName } from '../../../twin/joints.ts';
 import { isolated } from '../../../twin/names.ts';
 import { createElement, DataAttribute, TextCell } from '../../shell/cells.ts';
 import { say } from '../../text/language.ts';
@@ -62,6 +62,12 @@ export interface Lost {
   readonly sinceMs: number;
 }
 
+/** The classes of a column's cells; see `joints.css`. */
+export function classOf(number: (typeof NUMBERS)[number]): string {
+  const yields = 'yields' in number ? ` yields-${number.yields}` : '';
+  return `c-num c-${number.wide}${yields}${'computed' in number ? ' c-computed' : ''}`;
+}
+
 /** One row of the joint table. It remembers what it shows, and writes to the DOM only what changes. */
 export class RowView {
   readonly element: HTMLTableRowElement;
@@ -76,9 +82,7 @@ export class RowView {
   /** The cells of its numbers, in the order of the columns. */
   readonly numbers: readonly HTMLElement[];
   readonly #states: readonly (readonly [name: StateName, cell: TextCell])[];
-  readonly #error: DataAttribute | null;
-  readonly #cur: DataAttribute | null;
-  readonly #temp: DataAttribute | null;
+  readonly #marks: readonly (readonly [name: NumberName, mark: DataAttribute])[];
   readonly #flags: TextCell;
   readonly #level: DataAttribute;
   readonly #latched: DataAttribute;
@@ -94,7 +98,7 @@ export class RowView {
     limb: string,
     /** The unit of a number if it differs from the column's unit; it then follows the number. */
     ownUnit: (field: NumberName) => string | null,
-    numbers: readonly NumberName[],
+    numbers: readonly (typeof NUMBERS)[number][],
     states: readonly StateName[],
   ) {
     this.label = row.label;
@@ -111,7 +115,7 @@ export class RowView {
     this.button = open;
     head.title = plain === null ? isolated(row.label) : `${isolated(row.label)} · ${plain}`;
     element.append(head);
-    const marks: Partial<Record<NumberName, DataAttribute>> = {};
+    const marks: [NumberName, DataAttribute][] = [];
     const cell = (field: string, className: string) => {
       const td = createElement('td', className);
       td.dataset.field = field;
@@ -119,17 +123,16 @@ export class RowView {
       element.append(td);
       return td;
     };
-    this.numbers = numbers.map((field) => {
-      const td = cell(field, `c-num c-${field}`);
+    this.numbers = numbers.map((number) => {
+      const { name: field } = number;
+      const td = cell(field, classOf(number));
       td.draggable = true; // starts a drag into a plot
       const unit = ownUnit(field);
       if (unit !== null) td.dataset.unit = displayOf(unit, 'rad').unit;
-      marks[field] = new DataAttribute(td, 'level');
+      if ('judged' in number) marks.push([field, new DataAttribute(td, 'level')]);
       return td;
     });
-    this.#error = marks.error ?? null;
-    this.#cur = marks.cur ?? null;
-    this.#temp = marks.temp ?? null;
+    this.#marks = marks;
     this.#states = states.map((field) => [field, new TextCell(cell(field, 'c-state'))]);
     const flags = createElement('span', ''); // two lines in one cell
     cell('flags', 'c-flags').append(flags);
@@ -156,9 +159,8 @@ export class RowView {
     this.haystack = `${this.#named} ${words} ${rank}`.toLowerCase();
     this.#level.set(level);
     this.#latched.set(fault === null ? '' : clearedMs === null ? 'lasts' : 'over');
-    this.#error?.set(row.apart ? 'caution' : 'ok');
-    this.#cur?.set(row.curLevel);
-    this.#temp?.set(row.tempLevel);
+    const levels: Partial<Record<NumberName, string>> = row.levels;
+    for (const [name, mark] of this.#marks) mark.set(levels[name] ?? (row.apart ? 'caution' : 'ok'));
     for (const [name, cell] of this.#states) {
       const state = row[name];
       cell.set(state === null ? '—' : state ? '✓' : say().no);

@@ -1,20 +1,46 @@
+import { createStore } from '../../../kit.ts';
 import type { FaultLog } from '../../../twin/alarms/fault_log.ts';
 import { type Display, displayOf } from '../../../twin/format.ts';
-import { type JointTable, NUMBERS, type NumberName } from '../../../twin/joints.ts';
+import { fieldOfNumber, type JointTable, NUMBERS, type NumberName } from '../../../twin/joints.ts';
 import type { Limb } from '../../../twin/limbs.ts';
 import { plainName, wordsOfName } from '../../../twin/names.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import type { LastReadings } from '../../../twin/sensors/last_readings.ts';
 import { valueAt } from '../../../twin/values.ts';
-import { createTerm, createUnit } from '../../explain/term.ts';
-import { createElement, TextCell } from '../../shell/cells.ts';
-import { NumberGrid } from '../../shell/number_grid.ts';
-import { onSelection, selection, selectJoint } from '../../state/selection.ts';
+import { createTerm, createUnit } from '../../explain/terms.tsx';
+import { createElement, NumberGrid, TextCell } from '../../shell/cells.ts';
 import { settings } from '../../state/settings.ts';
+import { onSelection, selection, selectJoint } from '../../state/viewing.ts';
 import { languageTag, say } from '../../text/language.ts';
-import { filterText, hasFilter, matchesFilter, onFilter, setFilter } from './filter.ts';
-import { type Lost, oldWords, Ranks, RowView, STATES } from './joint_row.ts';
+import { classOf, type Lost, oldWords, Ranks, RowView, STATES } from './joint_row.ts';
 import { NameColumn, titledLimbs } from './name_column.ts';
+
+/** The filter text of the joint table. It is kept as long as the page is open, also when the schema or the tab changes. */
+const text = createStore('');
+let words: readonly string[] = [];
+
+/** Longest filter text; the rest is cut off. */
+const LONGEST = 100;
+
+export const filterText = text.get;
+export const onFilter = text.subscribe;
+
+export function setFilter(next: string): void {
+  if (next === text.get()) return;
+  const kept = next.slice(0, LONGEST);
+  words = kept.toLowerCase().split(/\s+/).filter(Boolean);
+  text.set(kept);
+}
+
+/** Whether `haystack` (lower case) contains every word of the filter. */
+export function matchesFilter(haystack: string): boolean {
+  return words.every((word) => haystack.includes(word));
+}
+
+/** Whether there is a filter text. */
+export function hasFilter(): boolean {
+  return words.length > 0;
+}
 
 /** What the table needs from the rest of the page. */
 export interface TableSources {
@@ -31,7 +57,7 @@ interface Column {
   readonly name: NumberName;
   /** One value for each row. */
   readonly values: Float64Array;
-  /** Its field; null for the computed column ref − pos. */
+  /** Its field; null for a computed column. */
   readonly field: ReturnType<JointTable['column']>;
   readonly unit: TextCell;
   display: Display;
@@ -167,7 +193,7 @@ export class JointView {
     this.#host.replaceChildren();
   }
 
-  /** Writes a row's faults at once, and its numbers when they are due. */
+  /** Writes a row's faults and states. */
   #say(table: JointTable, i: number, gone: readonly Lost[], nowMs: number): void {
     const row = table.rows[i]!;
     const fault = this.#from.faults?.of(row.label) ?? null;
@@ -177,7 +203,7 @@ export class JointView {
     this.#ranks.set(i, row.level, fault !== null);
   }
 
-  /** Drops rows that are no longer reported. */
+  /** Writes a row's numbers if they are due. Returns those that have no reading now. */
   #writeNumbersOf(i: number, due: boolean): readonly Lost[] {
     const { readings } = this.#from;
     const mayBeLost = readings?.anyLost === true;
@@ -270,7 +296,7 @@ export class JointView {
     this.#angle = angle;
     this.#grid?.forget();
     for (const column of this.#columns) {
-      const name = column.name === 'error' ? 'pos' : column.name;
+      const name = fieldOfNumber(column.name);
       const field = schema.field(name);
       column.display = displayOf(field?.unit ?? '', angle, field?.scale);
       column.unit.set(column.display.unit);
@@ -300,15 +326,16 @@ export class JointView {
       this.#bodies = [];
       return;
     }
-    const numbers = NUMBERS.filter((name) => table.has(name));
+    const numbers = NUMBERS.filter(({ name }) => table.has(name));
     const states = STATES.filter((name) => table.has(name));
     const root = createElement('table', 'joints');
     root.dataset.testid = 'joint-table';
     root.append(createElement('caption', 'unseen', text.joints));
     const head = createElement('tr', '');
     head.append(headCell(text.joint, 'c-joint', text.jointWhat, 'joint'));
-    this.#columns = numbers.map((name) => {
-      const cell = headCell(text[name], `c-num c-${name}`, text[`${name}What`], name);
+    this.#columns = numbers.map((number) => {
+      const { name } = number;
+      const cell = headCell(text[name], classOf(number), text[`${name}What`], name);
       head.append(cell);
       return {
         name,
@@ -327,7 +354,7 @@ export class JointView {
 
     const limbOf = new Map(limbs?.flatMap(({ title, labels }) => labels.map((label) => [label, title])));
     this.#rows = table.rows.map((row) => {
-      const unitOf = (name: NumberName) => schema.mapping.unit(name === 'error' ? 'pos' : name, row.label);
+      const unitOf = (name: NumberName) => schema.mapping.unit(fieldOfNumber(name), row.label);
       const name = (names === 'words' && wordsOfName(schema, row.label, languageTag())) || row.label;
       const plain = plainName(schema, row.label, languageTag()) ?? null;
       return new RowView(row, name, plain, limbOf.get(row.label) ?? '', unitOf, numbers, states);

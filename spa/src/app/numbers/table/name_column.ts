@@ -2,7 +2,7 @@ import { type Limb, limbsOf } from '../../../twin/limbs.ts';
 import { isolated } from '../../../twin/names.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import { shortenNames } from '../../../twin/short_names.ts';
-import { more } from '../../text/more.ts';
+import { more } from '../../text/language.ts';
 
 /** The minimum width of the word column when names need room, CSS px: "compliant" plus padding. */
 const WORDS_PX = 66;

@@ -1,16 +1,14 @@
-import { useEffect, useState } from 'react';
+import { useEffect, useState, useSyncExternalStore } from 'react';
 import { recordingUrl } from '../../../relay/recording_address.ts';
 import { relayChoice } from '../../../relay/relay.ts';
 import { isolated } from '../../../twin/names.ts';
-import { PastBelowBody } from '../../past/PastBelowBody.tsx';
-import { missedMoment, useMomentNamed, usePast, useShown } from '../../past/use_past.ts';
+import { missedMoment, PastBelowBody, useMomentNamed, usePast, useShown } from '../../past/PastBelowBody.tsx';
 import { RobotFigure } from '../../shell/icons.tsx';
 import { late, onDemand } from '../../shell/late.tsx';
 import { useThemeOnRoot } from '../../shell/theme.ts';
-import { useHash } from '../../state/hash.ts';
+import { address, parseRoute } from '../../state/address.ts';
 import { type RobotLink, useRobotLink } from '../../state/robot_link.ts';
-import { parseRoute } from '../../state/route.ts';
-import { useMore } from '../../text/more.ts';
+import { useMore } from '../../text/language.ts';
 import { Framed } from './Framed.tsx';
 import './embed.css';
 
@@ -20,8 +18,9 @@ const RecordingFrame = late(async () => (await import('./RecordingFrame.tsx')).R
 export function EmbedPage() {
   useThemeOnRoot();
   const rest = useMore();
-  const hash = useHash();
-  const robot = framedRobot(window.location.pathname, hash);
+  const robot = useSyncExternalStore(address.subscribe, () =>
+    framedRobot(window.location.pathname, address.get()),
+  );
   const reached = useReached();
   const { refused } = relayChoice();
   if (recordingUrl() !== null) return reached ? <RecordingFrame /> : <Poster />;

@@ -3,11 +3,11 @@ import { home, relayChoice } from '../../../relay/relay.ts';
 import { Announcer } from '../../robot/Announcer.tsx';
 import { Body } from '../../robot/Body.tsx';
 import { Chip } from '../../robot/Chip.tsx';
-import { showLink } from '../../shell/debug_api.ts';
+import { shownLink } from '../../shell/debug_api.ts';
 import { late } from '../../shell/late.tsx';
-import { followPresentLinks, usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
-import { useMore } from '../../text/more.ts';
+import { followPresentLinks, usePresenting } from '../../state/viewing.ts';
+import { useMore } from '../../text/language.ts';
 import { connectParent } from './parent.ts';
 
 const Presentation = late(async () => (await import('../../present/Presentation.tsx')).Presentation);
@@ -32,8 +32,8 @@ export function Framed({
   children: ReactNode;
 }) {
   useEffect(() => {
-    showLink(link);
-    return () => showLink(null);
+    shownLink.set(link);
+    return () => shownLink.set(null);
   }, [link]);
   useVersion(link);
   const rest = useMore();

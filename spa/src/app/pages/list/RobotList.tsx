@@ -14,10 +14,9 @@ import { Sign } from '../../robot/Chip.tsx';
 import { Command } from '../../shell/Command.tsx';
 import { IconButton, RobotFigure, SettingsIcon } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
-import { MOST_SIDE_BY_SIDE, robotHref } from '../../state/route.ts';
-import { useStore } from '../../state/use_store.ts';
-import { useText } from '../../text/language.ts';
-import { useListText } from '../../text/list.ts';
+import { MOST_SIDE_BY_SIDE, robotHref } from '../../state/address.ts';
+import { useStore } from '../../state/hooks.ts';
+import { useMore, useText } from '../../text/language.ts';
 import { causeWords } from '../../words/status.ts';
 import { openChosen } from '../local/local.ts';
 import { inOrder, judgeListed, type ListedRobot, useRobots } from './robots.ts';
@@ -81,7 +80,7 @@ function prepareRobotPage(): () => void {
 /** The page with the robots on air or, if there are none, commands that put one on air; below, the robots that were on air. */
 export function RobotList({ onSettings }: { onSettings: () => void }) {
   const text = useText();
-  const rest = useListText();
+  const rest = useMore();
   useEffect(prepareRobotPage, []);
   const listing = useRobots();
   const needsSignIn = useStore(signInNeeded);
@@ -160,7 +159,7 @@ function SideBySide(props: {
   onChosen: (chosen: readonly string[] | null) => void;
 }) {
   const { chosen, onChosen } = props;
-  const rest = useListText();
+  const rest = useMore();
   if (chosen === null) {
     return (
       <button type="button" className="text-button side-by-side" onClick={() => onChosen([])}>
@@ -194,8 +193,7 @@ function Card(props: {
   const { robot, place, onChoose } = props;
   const { word, cause: why, ageMs } = props.verdict;
   const age = robot.ageMs !== null && word !== 'LIVE' && ageMs !== null ? ` ${formatSpan(ageMs)}` : '';
-  useText();
-  const rest = useListText();
+  const rest = useMore();
   const cause = causeWords(why);
   return (
     <li>
@@ -234,7 +232,7 @@ function Card(props: {
 
 /** Buttons for opening robot files from this computer. They are shown in this browser only. */
 function YourOwn() {
-  const rest = useListText();
+  const rest = useMore();
   return (
     <section className="your-own" aria-label={rest.yourOwn}>
       <p className="quiet">{rest.dropHere}</p>
@@ -264,7 +262,7 @@ function YourOwn() {
 
 /** Commands that put a robot on air. `publishAt`: the endpoint that needs no credential; null if every publisher needs one. */
 function Empty({ publishAt }: { publishAt: string | null }) {
-  const rest = useListText();
+  const rest = useMore();
   const relay = publishAt ?? `tls/${window.location.hostname}:PORT --credential FILE`;
   return (
     <div className="empty" data-testid="no-robots">

@@ -1,4 +1,4 @@
-import { useEffect, useMemo, useRef, useState } from 'react';
+import { useEffect, useEffectEvent, useMemo, useRef, useState } from 'react';
 import type { ModelReport } from '../../../model/report.ts';
 import type { RobotScene } from '../../../scene/three/index.ts';
 import { displayOf, formatNumber } from '../../../twin/format.ts';
@@ -7,16 +7,14 @@ import { FILE_READINGS } from '../../../twin/overlay/file_readings.ts';
 import { distrustsMasses, type Finding } from '../../../urdf/finding.ts';
 import type { LocalRobot } from '../../../urdf/local_robot.ts';
 import { BALANCE } from '../../balance/BalanceParts.tsx';
-import { loadThree } from '../../robot/load_three.ts';
-import { useCameraControls } from '../../robot/use_camera_controls.ts';
-import { showScene } from '../../shell/debug_api.ts';
+import { loadThree, useCameraControls } from '../../robot/use_body_view.ts';
+import { shownScene } from '../../shell/debug_api.ts';
 import { BackIcon, IconButton } from '../../shell/icons.tsx';
 import { useLatePart } from '../../shell/late.tsx';
 import { useTheme } from '../../shell/theme.ts';
 import { changeSettings, useSettings } from '../../state/settings.ts';
-import { useBalanceText } from '../../text/balance.ts';
-import { say, useText } from '../../text/language.ts';
-import { useMore } from '../../text/more.ts';
+import { say, useMore, useText } from '../../text/language.ts';
+import { useBalanceText } from '../../text/late.ts';
 import { chooseUrdf, closeLocal } from './local.ts';
 import './local.css';
 
@@ -72,8 +70,7 @@ interface LocalReport {
 
 function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: LocalRobot) {
   const theme = useTheme();
-  const themeNow = useRef(theme);
-  themeNow.current = theme;
+  const themeNow = useEffectEvent(() => theme);
   const [scene, setScene] = useState<RobotScene | null>(null);
   const [loaded, setLoaded] = useState<{ robot: LocalRobot; report: LocalReport } | null>(null);
   useEffect(() => {
@@ -82,8 +79,8 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
     loadThree()
       .then(async ({ RobotScene: Scene }) => {
         if (left || host.current === null) return;
-        made = new Scene(host.current, { theme: themeNow.current });
-        showScene(made);
+        made = new Scene(host.current, { theme: themeNow() });
+        shownScene.set(made);
         setScene(made);
         made.setPose({ joints: new Map(), base: null }, true);
         const report = await made.loadLocal(robot);
@@ -96,7 +93,7 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
       });
     return () => {
       left = true;
-      showScene(null);
+      shownScene.set(null);
       setScene(null);
       made?.dispose();
     };

@@ -1,5 +1,5 @@
 import { createStore } from '../../../kit.ts';
-import { useStore } from '../../state/use_store.ts';
+import { useStore } from '../../state/hooks.ts';
 import type { Local } from './local_files.ts';
 
 /** The robot or recording opened from files on this computer; the page has one at most. */

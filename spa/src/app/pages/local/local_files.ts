@@ -3,7 +3,7 @@ import { filesOf, localFiles } from '../../../urdf/dropped_files.ts';
 import { DropError, type LocalFiles } from '../../../urdf/local_files.ts';
 import { type LocalRobot, openLocal, urdfsIn } from '../../../urdf/local_robot.ts';
 import { typedPath } from '../../../urdf/other_formats.ts';
-import { more } from '../../text/more.ts';
+import { more } from '../../text/language.ts';
 import type { OpenedRecording } from '../recording/opened_recording.ts';
 
 /** Reads a robot or a recording from files on this computer. This chunk is loaded when files are opened for the first time. */

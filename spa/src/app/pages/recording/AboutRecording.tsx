@@ -2,11 +2,11 @@ import type { PastControls } from '../../../past/past_types.ts';
 import type { RecordingIndex } from '../../../past/recording/recording_index.ts';
 import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import { isolated } from '../../../twin/names.ts';
-import { type OfferedFile, OfferedFiles } from '../../past/save/OfferedFiles.tsx';
+import { type OfferedFile, OfferedFiles } from '../../past/save/Outcome.tsx';
 import { Dialog } from '../../shell/Dialog.tsx';
-import { noteWords } from './notes.ts';
+import { useRecordingText } from '../../text/late.ts';
+import { noteWords } from './Notes.tsx';
 import { useLost } from './recording_link.ts';
-import { useRecordingText } from './recording_text.ts';
 import { lengthWords, lostWords, recordedWords } from './recording_words.ts';
 
 /** The dialog about a recording: its subject, its author and its notes; each note links to its moment. */

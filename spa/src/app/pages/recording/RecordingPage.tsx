@@ -1,21 +1,24 @@
-import './recorded_chip.css';
 import './recording.css';
 import { useState } from 'react';
+import type { PastControls } from '../../../past/past_types.ts';
+import type { Note, RecordingIndex } from '../../../past/recording/recording_index.ts';
+import type { RecordingPast } from '../../../past/recording/recording_past.ts';
 import { isolated } from '../../../twin/names.ts';
-import { useMomentNamed } from '../../past/use_past.ts';
+import type { RobotTwin } from '../../../twin/robot.ts';
+import { PastBar } from '../../past/PastBar.tsx';
+import { useMomentNamed } from '../../past/PastBelowBody.tsx';
+import type { OfferedFile } from '../../past/save/Outcome.tsx';
 import { BackIcon, Icon, IconButton } from '../../shell/icons.tsx';
 import { late } from '../../shell/late.tsx';
-import { usePresenting } from '../../state/presenting.ts';
 import { type RobotLink, useVersion } from '../../state/robot_link.ts';
+import { usePresenting } from '../../state/viewing.ts';
+import { useRecordingText } from '../../text/late.ts';
 import { OneRobot } from '../RobotPage.tsx';
 import { AboutRecording } from './AboutRecording.tsx';
+import { NoteCaption, NoteMarks, PresentedNote } from './Notes.tsx';
 import type { OpenedRecording } from './opened_recording.ts';
-import { PresentedNote } from './PresentedNote.tsx';
-import { RecordingBar } from './RecordingBar.tsx';
-import { type PlayedRecording, useRecording } from './recording_link.ts';
-import { useRecordingText } from './recording_text.ts';
-import { unreadableWords } from './recording_words.ts';
-import { useFetched } from './use_fetched.ts';
+import { type PlayedRecording, useFetched, useLost, useRecording } from './recording_link.ts';
+import { lostWords, unreadableWords } from './recording_words.ts';
 
 const ShareSheet = late(async () => (await import('../../share/ShareSheet.tsx')).ShareSheet);
 
@@ -133,3 +136,59 @@ const InfoIcon = () => (
     <path d="M12 11v5.5M12 7.6v.1" />
   </Icon>
 );
+
+/** Shown below the body of a recording: the missing parts, the note of the moment, and the time line. */
+export function RecordingBar(props: {
+  controls: PastControls;
+  twin: RobotTwin;
+  manifestUrl: (sha256: string) => string;
+  offered: readonly OfferedFile[];
+  source: RecordingPast;
+  index: RecordingIndex;
+  /** The moment in the address can't be read. */
+  isNonsense: boolean;
+  /** While presenting, only its keyboard shortcuts are active. */
+  unseen: boolean;
+}) {
+  const { controls, twin, manifestUrl, offered, source, index, isNonsense, unseen } = props;
+  const { notes, segments } = index;
+  const text = useRecordingText();
+  const [pointed, setPointed] = useState<readonly Note[] | null>(null);
+  const lost = lostWords(useLost(source), segments.length);
+  if (unseen) return <PastBar controls={controls} live={null} twin={twin} source={null} unseen />;
+  return (
+    <>
+      {lost !== null && (
+        <p className="recording-lost" role="status" data-testid="recording-lost">
+          {lost}
+        </p>
+      )}
+      {isNonsense && (
+        <p className="recording-lost" role="status" data-testid="past-note">
+          {text.noMoment}
+        </p>
+      )}
+      {notes.length > 0 && <NoteCaption controls={controls} notes={notes} pointed={pointed} />}
+      <PastBar
+        controls={controls}
+        live={null}
+        twin={twin}
+        source={source}
+        manifestUrl={manifestUrl}
+        offered={offered}
+        notes={
+          notes.length === 0
+            ? null
+            : (view) => (
+                <NoteMarks
+                  notes={notes}
+                  view={view}
+                  onPoint={setPointed}
+                  onGo={(atMs) => controls.seek(atMs)}
+                />
+              )
+        }
+      />
+    </>
+  );
+}

@@ -8,8 +8,8 @@ import {
   type RecordingFiles,
 } from '../../../past/recording/recording_files.ts';
 import { isolated } from '../../../twin/names.ts';
+import { recordingText } from '../../text/late.ts';
 import { type OpenedRecording, openRecording } from './opened_recording.ts';
-import { recordingText } from './recording_text.ts';
 import { unreadableWords } from './recording_words.ts';
 
 /** The result of opening files that are, or should be, a recording. */

@@ -10,7 +10,7 @@ import {
 import { type RecordingIndex, readIndex } from '../../../past/recording/recording_index.ts';
 import { early } from '../../../relay/recording_address.ts';
 import { request } from '../../../relay/request.ts';
-import type { OfferedFile } from '../../past/save/OfferedFiles.tsx';
+import type { OfferedFile } from '../../past/save/Outcome.tsx';
 
 /** A recording whose index has been read. */
 export interface OpenedRecording {

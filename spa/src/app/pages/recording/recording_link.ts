@@ -1,17 +1,19 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
+import { untilRetry } from '../../../browser/retry.ts';
 import { builtModelAt } from '../../../model/files.ts';
+import { PastError } from '../../../past/past_source.ts';
 import type { PastControls } from '../../../past/past_types.ts';
 import { OwnTape } from '../../../past/player/tape/own_tape.ts';
 import { type LostParts, RecordingPast } from '../../../past/recording/recording_past.ts';
+import { recordingUrl } from '../../../relay/recording_address.ts';
 import { nowMs } from '../../../stream/clock.ts';
 import { RobotTwin } from '../../../twin/robot.ts';
 import { type Past, playPast, schedule } from '../../past/past_link.ts';
-import { momentIn } from '../../state/moment.ts';
-import { loadOwnLimits } from '../../state/own_limits.ts';
+import { address, momentIn } from '../../state/address.ts';
+import { loadOwnLimits } from '../../state/limits.ts';
 import type { Connection } from '../../state/robot_link.ts';
-import { selectJoint } from '../../state/selection.ts';
-import { clearTraces } from '../../state/traces.ts';
-import type { OpenedRecording } from './opened_recording.ts';
+import { clearTraces, selectJoint } from '../../state/viewing.ts';
+import { fetchRecording, type OpenedRecording } from './opened_recording.ts';
 import { recordedAs } from './recording_words.ts';
 
 /** A connection that receives nothing and sends nothing. */
@@ -38,7 +40,7 @@ export interface PlayedRecording extends Past {
 export function useRecording(opened: OpenedRecording, isLinked: boolean): PlayedRecording | null {
   const [played, setPlayed] = useState<PlayedRecording | null>(null);
   useEffect(() => {
-    const made = play(opened, isLinked ? momentIn(window.location.hash) : undefined);
+    const made = play(opened, isLinked ? momentIn(address.get()) : undefined);
     setPlayed(made);
     return () => {
       made.close();
@@ -82,4 +84,31 @@ function play(
 /** The parts of a recording that can't be played. The component is redrawn when that changes. */
 export function useLost(source: RecordingPast): LostParts {
   return useSyncExternalStore(source.onChange, () => source.lost);
+}
+
+/** The recording that this page was exported with, or the reason that it can't be read; null while it is loading. */
+export function useFetched(wanted: boolean): OpenedRecording | Error | null {
+  const [fetched, setFetched] = useState<OpenedRecording | Error | null>(null);
+  useEffect(() => {
+    const url = recordingUrl();
+    if (!wanted || url === null) return;
+    let left = false;
+    const fetchIt = async () => {
+      for (let failures = 1; !left; failures += 1) {
+        const found = await fetchRecording(url).catch((error: unknown) => asError(error));
+        if (!left) setFetched(found);
+        if (!(found instanceof PastError && found.why === 'away')) return;
+        await untilRetry(failures);
+      }
+    };
+    void fetchIt();
+    return () => {
+      left = true;
+    };
+  }, [wanted]);
+  return fetched;
+}
+
+function asError(error: unknown): Error {
+  return error instanceof Error ? error : new Error(String(error));
 }

@@ -5,8 +5,8 @@ import type { LostParts } from '../../../past/recording/recording_past.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
 import type { Recorded } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
+import { recordingText } from '../../text/late.ts';
 import { dayWords } from '../../words/moment.ts';
-import { recordingText } from './recording_text.ts';
 
 /** Why a recording can't be opened, in one sentence. */
 export function unreadableWords(error: Error): string {

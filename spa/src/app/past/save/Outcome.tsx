@@ -1,8 +1,9 @@
+import { Fragment } from 'react';
 import type { Span } from '../../../past/past_types.ts';
 import { formatClockSeconds } from '../../../twin/format.ts';
+import { useSaveText } from '../../text/late.ts';
+import type { saveEn } from '../../text/late_en.ts';
 import { dayWords } from '../../words/moment.ts';
-import type { saveEn } from './save_en.ts';
-import { useSaveText } from './save_text.ts';
 import type { Failure, Measured, Saving } from './use_saving.ts';
 
 const UNITS = ['kB', 'MB', 'GB'] as const;
@@ -94,4 +95,26 @@ export function Outcome({ saving }: { saving: Saving }) {
       )}
     </div>
   );
+}
+
+/** A file of a whole recording for other programs, which lies beside the page. */
+export interface OfferedFile {
+  /** As people call it: `CSV`. */
+  readonly format: string;
+  readonly url: string;
+  /** As it is called once it is on the viewer's computer. */
+  readonly name: string;
+  readonly bytes: number;
+}
+
+/** Links to them. */
+export function OfferedFiles({ files }: { files: readonly OfferedFile[] }) {
+  return files.map(({ format, url, name, bytes }, i) => (
+    <Fragment key={format}>
+      {i > 0 && ' · '}
+      <a href={url} download={name} className="offered-file">
+        {format} ({bytesWords(bytes)})
+      </a>
+    </Fragment>
+  ));
 }

@@ -5,10 +5,8 @@ import type { PastControls } from '../../../past/past_types.ts';
 import type { SaveFormat } from '../../../past/save/save_ports.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
 import { useText } from '../../text/language.ts';
-import { type OfferedFile, OfferedFiles } from './OfferedFiles.tsx';
-import { MeasureLine, Outcome, Progress } from './Outcome.tsx';
-import { useSaveText } from './save_text.ts';
-import type { ManifestUrl } from './saved_models.ts';
+import { useSaveText } from '../../text/late.ts';
+import { MeasureLine, type OfferedFile, OfferedFiles, Outcome, Progress } from './Outcome.tsx';
 import {
   choicesOf,
   customSpan,
@@ -20,7 +18,7 @@ import {
   type SpanOffer,
   spanOf,
 } from './span_choice.ts';
-import { useMeasure, useSaving } from './use_saving.ts';
+import { type ManifestUrl, useMeasure, useSaving } from './use_saving.ts';
 import '../../shell/styles/choices.css';
 
 const FORMATS = ['csv', 'posecast'] as const satisfies readonly SaveFormat[];

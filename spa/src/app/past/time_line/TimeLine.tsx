@@ -10,21 +10,17 @@ import {
 } from 'react';
 import type { PastControls, Playhead, Timeline } from '../../../past/past_types.ts';
 import { Icon, IconButton } from '../../shell/icons.tsx';
-import { useNow } from '../../shell/now.ts';
 import { withKey } from '../../shell/page_keys.ts';
+import { useStore, useTicked } from '../../state/hooks.ts';
 import { useSettings } from '../../state/settings.ts';
-import { useStore } from '../../state/use_store.ts';
-import { languageTag } from '../../text/language.ts';
-import { more, useMore } from '../../text/more.ts';
-import { usePastText } from '../../text/past.ts';
+import { languageTag, more } from '../../text/language.ts';
+import { usePastText } from '../../text/late.ts';
 import { dayWords, notKeptWords } from '../../words/moment.ts';
 import { listenToGestures } from './gestures.ts';
-import { momentSheet } from './jump/moment_sheet.ts';
+import { chooseOn, chosenOn, scaleFor, scaleIn, scalesOf } from './line.ts';
 import { completed } from './movement.ts';
-import { ScaleChoice } from './ScaleChoice.tsx';
-import { chosenScale, scaleFor, scaleIn, scalesOf } from './scales.ts';
 import { Track } from './Track.tsx';
-import { TransportBar } from './TransportBar.tsx';
+import { ScaleChoice, TransportBar } from './TransportBar.tsx';
 import { listTicks } from './ticks.ts';
 import { msPerPx, pxAt, shownSpan, textPxOf, type View } from './track_view.ts';
 
@@ -92,7 +88,7 @@ function Line(props: {
   const past = playhead.at === 'past';
   const room = useRef<HTMLDivElement>(null);
   const [size, setSize] = useState({ widthPx: 0, heightPx: 0 });
-  const chosen = useStore(chosenScale(controls));
+  const { scaleMs: chosen } = useStore(chosenOn(controls));
   // Nothing moves under a finger: neither the time nor the page.
   const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
   const shown = useRef<View | null>(null);
@@ -100,8 +96,11 @@ function Line(props: {
   const windowMs = nowMs - timeline.fromMs;
   const scale = scaleIn(windowMs, chosen);
   const stepMs = stepOf(Math.min(scale, windowMs) / Math.max(1, size.widthPx));
-  useNow(Math.min(past ? 1000 : STEP_MS.most, stepMs));
   const stepped = (ms: number) => Math.ceil(ms / stepMs) * stepMs;
+  useTicked(Math.min(past ? 1000 : STEP_MS.most, stepMs), () => [
+    past ? Math.floor(controls.nowMs / 1000) : stepped(controls.nowMs - controls.behindMs),
+    controls.heard.at(-1)?.n,
+  ]);
   // delayed live data ends where the picture is
   const whole = { fromMs: timeline.fromMs, toMs: stepped(nowMs - behindMs) };
   const isWhole = playhead.recorded !== null && scale >= windowMs && timeline.toMs > timeline.fromMs;
@@ -134,7 +133,7 @@ function Line(props: {
     if (loop === null || widthPx === 0) return;
     const lengthMs = loop.toMs - loop.fromMs;
     if (lengthMs >= LOOP_PX * msPerPx(now)) return;
-    chosenScale(controls).set(scaleFor(scalesOf(windowMs), (lengthMs * widthPx) / LOOP_PX));
+    chooseOn(controls, { scaleMs: scaleFor(scalesOf(windowMs), (lengthMs * widthPx) / LOOP_PX) });
   }, [loop]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: `open` changes the element
@@ -157,7 +156,6 @@ function Line(props: {
     return () => observer.disconnect();
   }, [open]);
 
-  useMore(); // loads the words of the notes
   const { note } = playhead;
   return (
     <section
@@ -199,7 +197,7 @@ function Line(props: {
           title={withKey(text.jump, 'jump')}
           aria-haspopup="dialog"
           data-testid="jump"
-          onClick={() => momentSheet.set(controls)}
+          onClick={() => chooseOn(controls, { isJumpOpen: true })}
         >
           <JumpIcon />
         </IconButton>

@@ -1,4 +1,4 @@
-import './track_picture.css';
+import './past.css';
 import { memo, useId } from 'react';
 import type { Mark, Span, Timeline } from '../../../past/past_types.ts';
 import { movementPath } from './movement.ts';

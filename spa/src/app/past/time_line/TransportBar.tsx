@@ -4,13 +4,13 @@ import { type PastControls, type Playhead, SPEEDS, type Speed } from '../../../p
 import { Sign } from '../../robot/Chip.tsx';
 import { Icon, IconButton, PastIcon } from '../../shell/icons.tsx';
 import { type KeyAction, withKey } from '../../shell/page_keys.ts';
-import { useStore } from '../../state/use_store.ts';
-import { more } from '../../text/more.ts';
-import { usePastText } from '../../text/past.ts';
-import { hundredthsWords } from '../../words/moment.ts';
-import { momentSheet } from './jump/moment_sheet.ts';
-import { loopStart, pressLoop } from './loop_start.ts';
+import { useStore } from '../../state/hooks.ts';
+import { more } from '../../text/language.ts';
+import { useMomentsText, usePastText } from '../../text/late.ts';
+import { hundredthsWords, spanWords } from '../../words/moment.ts';
+import { ALL, chooseOn, chosenOn, pressLoop, scalesOf, stepScale } from './line.ts';
 import { speedWords, whenWords } from './spoken.ts';
+import './past.css';
 
 /** One frame: a triangle that points the way, and a bar. */
 const FrameBackIcon = () => (
@@ -121,7 +121,7 @@ export function TransportBar({
         className="transport-moment"
         title={withKey(text.jump, 'jump')}
         aria-haspopup="dialog"
-        onClick={() => momentSheet.set(controls)}
+        onClick={() => chooseOn(controls, { isJumpOpen: true })}
       >
         {playhead.recorded === null ? <PastIcon /> : <Sign word="RECORDED" />}
         <span data-testid="moment">{preciseWords(playhead, nowMs)}</span>
@@ -210,7 +210,7 @@ function Speeds({ speed, onSpeed }: { speed: Speed; onSpeed: (speed: Speed) => v
 
 function LoopButton({ controls, playhead }: { controls: PastControls; playhead: Playhead }) {
   const text = usePastText();
-  const startMs = useStore(loopStart(controls));
+  const { loopStartMs: startMs } = useStore(chosenOn(controls));
   const state = playhead.loop !== null ? 'on' : startMs !== null ? 'started' : 'off';
   const name = { off: text.loopFrom, started: text.loopTo, on: text.loopOff }[state];
   return (
@@ -224,5 +224,90 @@ function LoopButton({ controls, playhead }: { controls: PastControls; playhead: 
     >
       <LoopIcon />
     </IconButton>
+  );
+}
+
+/** The choice of the time span of the line. With two options both are shown, or only the current one if space is short; with
+ *  more, they are in a list between two buttons. */
+export function ScaleChoice({
+  controls,
+  scale,
+  windowMs,
+}: {
+  controls: PastControls;
+  /** The scale that is shown. */
+  scale: number;
+  /** The length of the available past. */
+  windowMs: number;
+}) {
+  const scales = scalesOf(windowMs);
+  const words = (ms: number) => spanWords(ms === ALL ? windowMs : ms);
+  if (scales.length === 2) return <TwoScales {...{ controls, scale, scales, words }} />;
+  return <Scales {...{ controls, scale, scales, words }} />;
+}
+
+interface Given {
+  readonly controls: PastControls;
+  readonly scale: number;
+  readonly scales: readonly number[];
+  readonly words: (scale: number) => string;
+}
+
+function TwoScales({ controls, scale, scales, words }: Given) {
+  const text = usePastText();
+  const other = scales.find((each) => each !== scale) ?? ALL;
+  const name = text.showLast(words(other));
+  return (
+    <button
+      type="button"
+      className="segments range"
+      aria-label={name}
+      title={name}
+      data-testid="range"
+      onClick={() => chooseOn(controls, { scaleMs: other })}
+    >
+      {scales.map((each) => (
+        <span key={each} data-on={each === scale}>
+          {words(each)}
+        </span>
+      ))}
+    </button>
+  );
+}
+
+function Scales({ controls, scale, scales, words }: Given) {
+  const text = useMomentsText();
+  const step = (by: 1 | -1, name: string, sign: string) => (
+    <button
+      type="button"
+      className="icon-button scale-step"
+      aria-label={name}
+      title={name}
+      disabled={scale === (by < 0 ? scales[0] : scales.at(-1))}
+      onClick={() => stepScale(controls, by)}
+    >
+      {sign}
+    </button>
+  );
+  return (
+    <fieldset className="scale">
+      <legend className="unseen">{text.scale}</legend>
+      {step(1, text.scaleMore, '−')}
+      <select
+        className="transport-speed scale-list"
+        aria-label={text.scale}
+        title={text.scale}
+        value={scale}
+        data-testid="scale"
+        onChange={(event) => chooseOn(controls, { scaleMs: Number(event.currentTarget.value) })}
+      >
+        {scales.map((each) => (
+          <option key={each} value={each}>
+            {words(each)}
+          </option>
+        ))}
+      </select>
+      {step(-1, text.scaleLess, '+')}
+    </fieldset>
   );
 }

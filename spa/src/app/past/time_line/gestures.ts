@@ -1,5 +1,5 @@
 import type { PastControls } from '../../../past/past_types.ts';
-import { stepScale } from './scales.ts';
+import { stepScale } from './line.ts';
 
 /** The amount of scrolling or swiping that changes the scale by one step, CSS px. */
 const NOTCH_PX = 60;

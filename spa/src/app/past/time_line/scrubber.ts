@@ -1,6 +1,5 @@
 import type { PastControls, Span } from '../../../past/past_types.ts';
-import { BEFORE_MS, markNear } from './marks.ts';
-import { contains, msAt, pxAt, type View } from './track_view.ts';
+import { BEFORE_MS, contains, markNear, msAt, pxAt, type View } from './track_view.ts';
 
 /** How far a pointer may move between press and release to be a tap, CSS px. */
 const TAP_PX = 4;

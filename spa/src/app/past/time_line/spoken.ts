@@ -1,6 +1,6 @@
 import { useRef } from 'react';
 import type { Playhead } from '../../../past/past_types.ts';
-import { pastText } from '../../text/past.ts';
+import { pastText } from '../../text/late.ts';
 import { momentWords } from '../../words/moment.ts';
 
 /** While playing, a moment this near to the expected one was not a seek, ms. */

@@ -1,7 +1,6 @@
 import type { Span } from '../../../past/past_types.ts';
 import { formatClock, formatClockSeconds } from '../../../twin/format.ts';
-import { languageTag } from '../../text/language.ts';
-import { more } from '../../text/more.ts';
+import { languageTag, more } from '../../text/language.ts';
 
 /** A tick on the line's lower edge; most have no label. */
 export interface Tick {

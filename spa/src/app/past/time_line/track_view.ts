@@ -1,4 +1,4 @@
-import type { Span } from '../../../past/past_types.ts';
+import type { Mark, Span } from '../../../past/past_types.ts';
 
 /** The minimum span of a line, ms. */
 const LEAST_MS = 60_000;
@@ -61,4 +61,20 @@ export const TIME_PX = 48;
 export interface Hover {
   readonly xPx: number;
   readonly touch: boolean;
+}
+
+/** The maximum distance of a tap from a mark, CSS px. */
+const NEAR_PX = 10;
+/** A tap on a mark starts this long before it, to show what led up to it, ms. */
+export const BEFORE_MS = 2000;
+
+/** The mark hit by a tap: the nearest fault, else the nearest caution; null if none is near. */
+export function markNear(marks: readonly Mark[], view: View, xPx: number): Mark | null {
+  const near = marksNear(marks, view, xPx);
+  return near.find(({ level }) => level === 'fault') ?? near[0] ?? null;
+}
+
+export function marksNear(marks: readonly Mark[], view: View, xPx: number): Mark[] {
+  const far = ({ atMs }: Mark) => Math.abs(pxAt(view, atMs) - xPx);
+  return marks.filter((mark) => far(mark) <= NEAR_PX).sort((a, b) => far(a) - far(b));
 }
