@@ -14,7 +14,7 @@ import rosbridge_stage
 from hubo_structs import state
 from parser_stage import Input, Parser, Work, Worst, in_one_line, written
 from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError
-from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
+from posecast_edge.sources.hubo.achd import AchdParser, AchdProtocolError
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.ros.cdr import CdrReader, Ros1Reader
 from posecast_edge.sources.ros.merge import MessageMerger

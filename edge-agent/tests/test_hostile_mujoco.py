@@ -11,7 +11,7 @@ from posecast_edge.sources.registry import open_source
 
 pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 
-from posecast_edge.sources.mujoco import trial as mujoco_trial
+from posecast_edge.sources.mujoco import source as mujoco_trial
 from posecast_edge.sources.mujoco.model import load_simulation
 
 BODY = '<body pos="0 0 1"><joint name="j"/><geom size=".1" mass="1"/></body>'

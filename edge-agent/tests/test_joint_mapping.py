@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from posecast_edge.profile.joint_mapping import TermError, resolve_entries
+from posecast_edge.profile.reader import TermError, resolve_entries
 from posecast_wire.schema import JointMap
 
 

@@ -22,7 +22,7 @@ from posecast_edge.sources.files.csv import Table
 from posecast_edge.sources.files.ros_recording import RosRecording
 from posecast_edge.sources.files.trajectory import open_source as open_trajectory
 from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError
-from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
+from posecast_edge.sources.hubo.achd import AchdParser, AchdProtocolError
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.jsonl import LineError, parse_line
 from posecast_edge.sources.ros.cdr import CdrReader

@@ -31,8 +31,7 @@ from posecast_edge.model.finding import (
 )
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
-from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
-from posecast_edge.model.serve.cache import Cache, find_cache_folder
+from posecast_edge.model.serve.bundle_dir import MANIFEST, Cache, find_cache_folder, write_folder
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
