@@ -195,10 +195,7 @@ class Graph:
         self.declare(topic, type_name)
         key = f"0{topic}/{_dds(type_name)}/RIHS01_{'cd' * 32}"
         publisher = declare_advanced_publisher(
-            self.nodes,
-            key,
-            cache=CacheConfig(max_samples=1),
-            publisher_detection=True,
+            self.nodes, key, cache=CacheConfig(max_samples=1), publisher_detection=True
         )
         publisher.put(payload)
         self.held.append(publisher)

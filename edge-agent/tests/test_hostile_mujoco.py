@@ -52,9 +52,7 @@ def test_models_that_are_refused(case: str, tmp_path: Path) -> None:
 TRIED = {
     "a replica": mjcf('<replicate count="100000000"><geom size=".1"/></replicate>' + BODY),
     "keys by the billion": mjcf(head='<size nkey="1000000000"/>'),
-    "heights": mjcf(
-        head='<asset><hfield name="h" nrow="50000" ncol="50000" size="1 1 1 1"/></asset>',
-    ),
+    "heights": mjcf(head='<asset><hfield name="h" nrow="50000" ncol="50000" size="1 1 1 1"/></asset>'),
     "a grid": mjcf('<flexcomp type="grid" count="500 500 500" name="f" dim="3" mass="1"/>' + BODY),
 }
 

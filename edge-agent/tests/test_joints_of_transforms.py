@@ -179,7 +179,7 @@ def test_frames_of_a_bridge_and_a_model_given_later(graph: Graph, listen: Listen
     moving(50, lambda t: publish(transforms(1000 + t, *crane(0.5, 0.25, "lab/"))))
     until("frames", lambda: any(NO_MODEL in line for line in heard.source.offers))
     heard.source.take_joints(
-        tuple(j for j in list_moving_joints(read_urdf(BytesIO(URDF.encode()))) if j.name != "hoist"),
+        tuple(j for j in list_moving_joints(read_urdf(BytesIO(URDF.encode()))) if j.name != "hoist")
     )
     until("joints", lambda: heard.newest.get("pos") == {"slew": pytest.approx(0.5), "travel": 0.25})
 

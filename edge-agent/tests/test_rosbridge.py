@@ -135,9 +135,7 @@ def test_fragments(bridge: Callable[..., Rosbridge], listen: Listen, moving: Mov
 
 
 def test_a_server_that_dies_and_comes_back(
-    bridge: Callable[..., Rosbridge],
-    listen: Listen,
-    caplog: pytest.LogCaptureFixture,
+    bridge: Callable[..., Rosbridge], listen: Listen, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "posecast_edge")
     port = free_port()
@@ -194,10 +192,7 @@ def test_what_the_server_says_on_parting_is_told_once(
 
 
 def test_nonsense_is_told_and_the_rest_goes_on(
-    bridge: Callable[..., Rosbridge],
-    listen: Listen,
-    moving: Move,
-    caplog: pytest.LogCaptureFixture,
+    bridge: Callable[..., Rosbridge], listen: Listen, moving: Move, caplog: pytest.LogCaptureFixture
 ) -> None:
     server = bridge()
     heard = listen(server.source, PROFILE)
@@ -270,10 +265,7 @@ def test_without_rosapi_topics_are_asked_for_by_name(
 
 
 def test_a_topic_that_appears_later(
-    bridge: Callable[..., Rosbridge],
-    listen: Listen,
-    moving: Move,
-    monkeypatch: pytest.MonkeyPatch,
+    bridge: Callable[..., Rosbridge], listen: Listen, moving: Move, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rosbridge_module, "LOOK_S", (0.3, 10.0))
     server = bridge({})

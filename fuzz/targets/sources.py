@@ -205,7 +205,7 @@ def ros_message(name: str, message: object) -> None:
     if name == TF:
         tree = TransformTree(("odom", "base_link"), hear)
         for at_s in (1.0, 7.0):
-            tree.take_message(message, False, at_s)
+            tree.take_transforms(read_transforms(message)[0], False, at_s)
             tree.check_time(at_s)
         tree.list_frames()
         joints = JointFrames(hear)

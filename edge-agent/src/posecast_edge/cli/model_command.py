@@ -27,6 +27,7 @@ from posecast_edge.model.finding import (
     ModelRefused,
     advise_mesh_tools,
     explain_coarser,
+    make_printable,
     quote_name,
 )
 from posecast_edge.model.moving_joints import list_moving_joints
@@ -256,7 +257,7 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any], program: str) ->
 
 
 def _print_finding(out: TextIO, finding: Finding, file: str) -> None:
-    line = _make_printable(finding.format_line(file))
+    line = make_printable(finding.format_line(file))
     style = SEVERITY_STYLES.get(finding.severity)
     if style is not None:
         severity = f": {finding.severity}: "
@@ -265,8 +266,4 @@ def _print_finding(out: TextIO, finding: Finding, file: str) -> None:
 
 
 def _print(out: TextIO, text: str) -> None:
-    print(_make_printable(text), file=out)
-
-
-def _make_printable(text: str) -> str:
-    return "".join(c if c.isprintable() else "�" for c in text)
+    print(make_printable(text), file=out)

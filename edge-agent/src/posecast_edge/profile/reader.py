@@ -256,10 +256,7 @@ class ProfileReader(Values):
         item = self.check_table(value, where, keys)
         name = self.check_text(item.get("name"), f"{where}.name")
         if not FIELD_NAME.fullmatch(name):
-            self.fail(
-                f"{where}.name",
-                f"{quote(name)} must be letters, digits and _, no digit first",
-            )
+            self.fail(f"{where}.name", f"{quote(name)} must be letters, digits and _, no digit first")
         if name in before:
             self.fail(f"{where}.name", f"{name!r} is listed twice")
         self.field_paths[f"fields.{name}"] = where
@@ -287,13 +284,7 @@ class ProfileReader(Values):
         if len(bits) > BITS_MAX:
             self.fail(f"{where}.bits", f"{len(bits)} bits; at most {BITS_MAX}")
         unit = item.get("unit", default.unit)
-        known = frozenset(own) if "units" in item else ()
-        others = {
-            self.check_choice(label, known, "label", f"{where}.units.{label}"): self.check_unit(
-                u, f"{where}.units.{label}"
-            )
-            for label, u in self.check_table(item.get("units", {}), f"{where}.units").items()
-        }
+        others = self.check_entries(item.get("units", {}), f"{where}.units", own, "label", self.check_unit)
         if others:
             self.units[name] = others
         slow = item.get("slow", False)
@@ -392,25 +383,17 @@ class ProfileReader(Values):
         for name, entry in self.check_table(value, "severity").items():
             where = f"severity.{name}"
             bits = fields[self.check_choice(name, fields, "field", where)].bits
-            severities[name] = {
-                self.check_choice(bit, bits, "bit", f"{where}.{bit}"): cast(
-                    Severity,
-                    self.check_choice(
-                        self.check_text(word, f"{where}.{bit}"), SEVERITIES, "severity", f"{where}.{bit}"
-                    ),
-                )
-                for bit, word in self.check_table(entry, where).items()
-            }
+            severities[name] = self.check_entries(entry, where, bits, "bit", self._check_severity)
         return severities
 
+    def _check_severity(self, value: object, where: str) -> Severity:
+        return cast(Severity, self.check_choice(self.check_text(value, where), SEVERITIES, "severity", where))
+
     def build_tolerances(self, value: object, joint: Sequence[str]) -> dict[str, float]:
-        known = frozenset((*joint, ANY))
-        return {
-            self.check_choice(k, known, "joint", f"tolerance.{k}"): self.check_number(
-                v, f"tolerance.{k}", above=0
-            )
-            for k, v in self.check_table(value, "tolerance").items()
-        }
+        return self.check_entries(value, "tolerance", (*joint, ANY), "joint", self._check_positive)
+
+    def _check_positive(self, value: object, where: str) -> float:
+        return self.check_number(value, where, above=0)
 
     def build_thresholds(
         self, value: object, fields: Mapping[str, FieldSpec]
@@ -422,16 +405,11 @@ class ProfileReader(Values):
             where = f"thresholds.{name}"
             own = (MARGIN,) if name == BALANCE else ()
             if own and name not in fields:
-                labels = frozenset(own)
+                labels = own
             else:
                 field = fields[self.check_choice(name, fields, "field", where)]
-                labels = frozenset((*field.labels, ANY, *own))
-            thresholds[name] = {
-                self.check_choice(label, labels, "label", f"{where}.{label}"): self._build_limits(
-                    limits, f"{where}.{label}"
-                )
-                for label, limits in self.check_table(entry, where).items()
-            }
+                labels = (*field.labels, ANY, *own)
+            thresholds[name] = self.check_entries(entry, where, labels, "label", self._build_limits)
         return thresholds
 
     def _build_limits(self, value: object, where: str) -> Threshold:
@@ -586,13 +564,8 @@ class ProfileReader(Values):
         seen = self.check_unique_texts(item.get("fields", list(fields)), f"{where}.fields")
         for i, field_name in enumerate(seen):
             self.check_choice(field_name, fields, "field", f"{where}.fields[{i}]")
-        known = frozenset(seen)
-        scales = {
-            self.check_choice(k, known, "field of this view", f"{where}.scales.{k}"): self.check_number(
-                v, f"{where}.scales.{k}", above=0
-            )
-            for k, v in self.check_table(item.get("scales", {}), f"{where}.scales").items()
-        }
+        given, at = item.get("scales", {}), f"{where}.scales"
+        scales = self.check_entries(given, at, seen, "field of this view", self._check_positive)
         for k in scales:
             if fields[k].bits:
                 self.fail(f"{where}.scales.{k}", "a field of bits has no scale")

@@ -220,7 +220,7 @@ def _box(looks: Appearance, at: Vectors) -> tuple[Vectors, Vectors]:
 
 def _matrix(visual: Visual) -> Vectors:
     """link_from_mesh."""
-    return np.array(matrix_from_quaternion(visual.pose.xyz, quaternion_from_rpy(visual.pose.rpy)))
+    return np.array(visual.pose.to_matrix())
 
 
 def _visual(number: int, visual: Visual, looks: Appearance) -> dict[str, Any]:

@@ -262,7 +262,7 @@ def _joined(surfaces: Sequence[Surface], keep_uv: bool) -> Surface:
 
 
 def _surfaces(bone: Bone) -> Iterator[Surface]:
-    turn = np.array(matrix_from_quaternion(bone.pose.xyz, quaternion_from_rpy(bone.pose.rpy)), np.float32)
+    turn = np.array(bone.pose.to_matrix(), np.float32)
     dims = bone.dims if bone.kind == "box" else bone.dims[:2]
     for surface in tessellate(bone.kind, dims).surfaces:
         positions = surface.positions @ turn[:3, :3].T + turn[:3, 3]

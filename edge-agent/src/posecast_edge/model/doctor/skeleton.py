@@ -14,24 +14,21 @@ from posecast_wire.schema import Mapping as Meaning
 
 from posecast_edge.model.doctor.masses import examine_masses
 from posecast_edge.model.doctor.meshes import MeshFacts, examine_files, examine_meshes
-from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
+from posecast_edge.model.finding import Finding, quote_name, quote_names, sort_by_severity
 from posecast_edge.model.kinematics import (
     Matrix,
     compute_motion,
     compute_plane_axes,
     identity,
     list_variables,
-    matrix_from_quaternion,
     multiply,
     normalise_axis,
-    quaternion_from_rpy,
 )
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import SCALAR_TYPES, UNBOUNDED, Joint, Link, Urdf, find_material
 
 TURN = 2 * math.pi
 FAR = 10.0  # m, from one joint to the next: more suggests a wrong unit
-SHOWN = 6  # names in one line
 UNIT = 1e-3  # how far an axis may be from length 1
 
 
@@ -184,8 +181,7 @@ def _profile(urdf: Urdf, meaning: Meaning) -> Iterator[Finding]:
     known = {name for joint in urdf.joints for name in _variables(joint)}
     gone = [name for name in meaning.joints if name not in known and name not in joints]
     if gone:  # in one line: with another robot's profile it is all of them
-        many = f" and {len(gone) - SHOWN} more" if len(gone) > SHOWN else ""
-        which = f"joint{'s' if len(gone) > 1 else ''} {', '.join(map(quote_name, gone[:SHOWN]))}{many}"
+        which = f"joint{'s' if len(gone) > 1 else ''} {quote_names(gone)}"
         text = f"the profile maps {which}, which {'do' if len(gone) > 1 else 'does'} not exist"
         yield Finding("warning", "profile-joint", text)
     for name in meaning.joints:
@@ -242,7 +238,7 @@ def _compute_home_poses(tree: Tree) -> list[Matrix]:
             q = [follow.multiplier * (values[follow.joint] or [0.0])[0] + follow.offset]
         axis = normalise_axis(joint.axis)
         entry = {"type": joint.type, "axis": axis, "plane": compute_plane_axes(axis)}
-        placed = matrix_from_quaternion(joint.pose.xyz, quaternion_from_rpy(joint.pose.rpy))
+        placed = joint.pose.to_matrix()
         moved = multiply(placed, compute_motion(entry, q))
         poses.append(multiply(poses[tree.index[joint.parent]], moved))
     return poses

@@ -25,7 +25,7 @@ from posecast_edge.model.meshes.mesh import (
 )
 from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.texture import Pictures
-from posecast_edge.model.urdf.resolver import Resolver, open_file
+from posecast_edge.model.urdf.resolver import Resolver, read_bounded
 
 
 def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: SideFiles | None = None) -> Mesh:
@@ -141,20 +141,6 @@ class SideFiles:
         if kind == PICTURE:
             self._held[path] = data
         return data
-
-
-def read_bounded(path: Path, most: int) -> bytes:
-    """Read a file. Raises ModelRefused when it is larger than `most` bytes or can't be read."""
-    try:
-        if path.stat().st_size > most:
-            raise ModelRefused(f"over {most >> 20} MiB")
-        with open_file(path) as file:
-            data = file.read(most + 1)
-    except OSError as e:
-        raise ModelRefused(e.strerror or "can't be read") from None
-    if len(data) > most:
-        raise ModelRefused(f"over {most >> 20} MiB")
-    return data
 
 
 # --- STL, binary and text; a binary file may begin with "solid", so only the length tells them apart

@@ -53,7 +53,7 @@ SENSORS = {
 }
 
 # The parts of a URDF passed to MuJoCo: those that affect motion. Mesh formats may be unknown to it.
-URDF_KEPT = (
+URDF_KEPT = [
     "link",
     "inertial",
     "mass",
@@ -65,7 +65,7 @@ URDF_KEPT = (
     "axis",
     "limit",
     "dynamics",
-)
+]
 COMPILER = '<mujoco><compiler boundmass="0.001" boundinertia="0.000001" balanceinertia="true"/></mujoco>'
 
 

@@ -197,9 +197,7 @@ Readings = dict[str, Reading]  # by label
 
 PUBLISHERS_MAX = 64  # combinations of a field and its labels
 KEPT_MAX = 64
-STREAMS = frozenset(
-    ("pos", "vel", "effort", "base", "baseq", "ftf", "ftm", "quat", "tilt", "gyro", "acc"),
-)
+STREAMS = frozenset(("pos", "vel", "effort", "base", "baseq", "ftf", "ftm", "quat", "tilt", "gyro", "acc"))
 FLAGS = "flags"
 
 
