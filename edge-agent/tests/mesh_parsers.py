@@ -115,7 +115,7 @@ PARSERS = (
     ),
     Parser(
         "mtl",
-        ("model.meshes.reader.read_bounded",),
+        ("model.urdf.resolver.read_bounded",),
         mtl_work,
         REFUSED,
         (MTL,),
@@ -128,7 +128,7 @@ PARSERS = (
     ),
     Parser(
         "stl",
-        ("model.meshes.stl.read_stl",),
+        ("model.meshes.reader.read_stl",),
         mesh_work("a.stl"),
         REFUSED,
         (cube_stl(), cube_text_stl()),

@@ -210,7 +210,7 @@ def ach_file(frames: int, folder: Path | None = None) -> bytes:
 PARSERS = (
     Parser(
         "achd",
-        ("sources.hubo.achd_protocol.AchdParser.feed",),
+        ("sources.hubo.achd.AchdParser.feed",),
         achd_work,
         (AchdProtocolError,),
         (achd_frames(3, 300), b"status: 0\nmessage: fine\n.\n" + achd_frames(1, 1)[12:]),

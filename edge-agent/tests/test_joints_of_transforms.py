@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -149,13 +148,6 @@ def test_probe_says_how_many_joints_it_found(tmp_path: Path) -> None:
 
 
 # --- live
-
-
-@pytest.fixture
-def graph() -> Iterator[Graph]:
-    g = Graph().start()
-    yield g
-    g.stop()
 
 
 def test_a_live_graph_whose_joint_states_come_later(graph: Graph, listen: Listen, moving: Move) -> None:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import logging
 import math
 import random
-import re
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 import zenoh
 from command_stage import run_edge
 from edge_stage import ROBOT, Edge, Router
-from posecast_edge.sample import SourceError
-from posecast_edge.sources.registry import open_source
 from posecast_edge.sources.ros import ros2 as ros2_module
 from posecast_edge.sources.ros.messages import (
     BATTERY,
@@ -41,7 +37,6 @@ from posecast_edge.sources.ros.ros2 import (
     match_token_key,
 )
 from posecast_testing import until
-from posecast_wire.command_line.installation import advise_extra
 from ros_stage import (
     Graph,
     battery,
@@ -71,13 +66,6 @@ KNEE = """<robot name="leg">
 <link name="shank"/>
 <joint name="knee" type="revolute"><parent link="thigh"/><child link="shank"/>
 <limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
-
-
-@pytest.fixture
-def graph() -> Iterator[Graph]:
-    g = Graph().start()
-    yield g
-    g.stop()
 
 
 def joints(graph: Graph, topic: str = "/joint_states") -> Callable[[float], None]:
@@ -376,35 +364,6 @@ def test_probe_lists_the_topics_and_doctor_holds_them_against_the_description(
     assert (
         "robot_description:4: warning: joint 'knee' moves from 2 to 2 rad; its limits are" in examined.stdout
     )
-
-
-@pytest.mark.parametrize(
-    "address", ["host name", "host:99999", "tcp/127.0.0.1:7447", "://x", "host/a b", "host:7447/a//b"]
-)
-def test_addresses_that_are_none(address: str) -> None:
-    with pytest.raises(SourceError, match="is not an address"):
-        open_source(f"ros2:{address}", None)
-
-
-@pytest.mark.parametrize(
-    ("address", "description"),
-    [
-        ("", "ros2 localhost:7447"),
-        (":robot", "ros2 robot:7447"),
-        ("://robot", "ros2 robot:7447"),
-        ("://robot:1234/r1/", "ros2 robot:1234/r1"),
-        (":[::1]:1234", "ros2 [::1]:1234"),
-    ],
-)
-def test_addresses(address: str, description: str) -> None:
-    assert open_source(f"ros2{address}", None).description == description
-
-
-def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    advice = re.escape(advise_extra("posecast-edge", "ros"))
-    with pytest.raises(SourceError, match=f"^ros2: its decoder is not installed; {advice}$"):
-        open_source("ros2", None)
 
 
 # --- keys and tokens of rmw_zenoh and zenoh-bridge-ros2dds

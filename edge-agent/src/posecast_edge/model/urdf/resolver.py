@@ -213,7 +213,7 @@ class Resolver:
             raise ModelRefused("not a file name")
         scheme = parts.scheme if len(parts.scheme) > 1 else ""  # C:/… is a path
         path = unquote(parts.path)
-        if scheme == "package":
+        if scheme in ("package", "model"):
             found = self._in_package(unquote(parts.netloc), path.strip("/"))
         elif scheme in ("file", ""):
             local = Path(path) if scheme else self._folder / unquote(uri)
@@ -225,8 +225,6 @@ class Resolver:
             if isinstance(seen, ModelRefused):
                 raise seen
             found = seen
-        elif scheme == "model":
-            found = self._in_package(unquote(parts.netloc), path.strip("/"))
         else:
             raise ModelRefused(f"{scheme}: files are not downloaded")
         if windows and found.hint is None:

@@ -19,6 +19,7 @@ import threading
 import time
 from collections import deque
 
+from posecast_edge.model.finding import make_printable
 from posecast_edge.sources.hubo.reconnecting import FRAME_MAX, KEPT_MAX, WAIT_S, PersistentReader, ReaderError
 
 PORT = 8076
@@ -105,7 +106,9 @@ class AchdParser:
             # key and value are separated by : or =, whichever comes first
             at = min((i for i in (text.find(":"), text.find("=")) if i > 0), default=0)
             if not at:
-                raise AchdProtocolError(f"header line {_shown(text)} has no key and value: this is not achd")
+                raise AchdProtocolError(
+                    f"header line {make_printable(text[:120])} has no key and value: this is not achd"
+                )
             self._head[text[:at].strip().lower()] = text[at + 1 :].strip()
 
     def _check(self) -> None:
@@ -116,7 +119,7 @@ class AchdParser:
         if number:
             name = f"ACH_{STATUS[number]}" if number < len(STATUS) else f"status {number}"
             message = self._head.get("message", "")
-            raise AchdProtocolError(f"{_shown(message)} ({name})" if message else name)
+            raise AchdProtocolError(f"{make_printable(message[:120])} ({name})" if message else name)
 
 
 def _frames(data: bytes | bytearray) -> tuple[list[bytes], int]:
@@ -134,10 +137,6 @@ def _frames(data: bytes | bytearray) -> tuple[list[bytes], int]:
         found.append(slice(at + HEAD.size, end))
         at = end
     return [bytes(data[place]) for place in found], at
-
-
-def _shown(text: str) -> str:
-    return "".join(c if c.isprintable() else "�" for c in text[:120])
 
 
 # --- the connection
