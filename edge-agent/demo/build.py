@@ -9,7 +9,7 @@ import argparse
 import os
 from pathlib import Path
 
-from demo_robot import body, masses, motion, packing, programme, sensors, stl, urdf
+from demo_robot import body, masses, motion, packing, programme, sensors
 
 
 def main() -> None:
@@ -18,11 +18,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder to write to")
     out: Path = parser.parse_args().out
     meshes, visuals = body.build()
-    files = {f"meshes/{stem}.stl": stl.stl_bytes(mesh) for stem, mesh in meshes.items()}
+    files = {f"meshes/{stem}.stl": packing.stl_bytes(mesh) for stem, mesh in meshes.items()}
     inertials = masses.inertials(body.parts())
     minute = sensors.fields(motion.make(inertials), inertials)
     files["motion.bin"] = packing.pack(minute, motion.RATE_HZ, programme.PHASES)
-    files["robot.urdf"] = urdf.urdf(visuals, inertials).encode()
+    files["robot.urdf"] = packing.urdf(visuals, inertials).encode()
     (out / "meshes").mkdir(parents=True, exist_ok=True)
     for old in (out / "meshes").iterdir():
         if f"meshes/{old.name}" not in files:

@@ -11,11 +11,10 @@ import numpy as np
 from model_stage import PICTURE, cube_obj, cube_stl, cube_text_stl
 from parser_stage import Input, Parser, Work, Worst, written
 from PIL import Image
+from posecast_edge.model.builder.mesh_coder import LodChain, weld_vertices
 from posecast_edge.model.builder.quantise import make_grid, pack_part
-from posecast_edge.model.builder.simplify import LodChain
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.reader import read_mesh
-from posecast_edge.model.meshes.weld import weld_vertices
 from posecast_edge.model.urdf.resolver import Resolver
 
 
@@ -116,7 +115,7 @@ PARSERS = (
     ),
     Parser(
         "mtl",
-        ("model.meshes.reader.read_bounded",),
+        ("model.urdf.resolver.read_bounded",),
         mtl_work,
         REFUSED,
         (MTL,),
@@ -129,7 +128,7 @@ PARSERS = (
     ),
     Parser(
         "stl",
-        ("model.meshes.stl.read_stl",),
+        ("model.meshes.reader.read_stl",),
         mesh_work("a.stl"),
         REFUSED,
         (cube_stl(), cube_text_stl()),

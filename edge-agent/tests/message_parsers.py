@@ -14,7 +14,7 @@ import rosbridge_stage
 from hubo_structs import state
 from parser_stage import Input, Parser, Work, Worst, in_one_line, written
 from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError
-from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
+from posecast_edge.sources.hubo.achd import AchdParser, AchdProtocolError
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.ros.cdr import CdrReader, Ros1Reader
 from posecast_edge.sources.ros.merge import MessageMerger
@@ -210,7 +210,7 @@ def ach_file(frames: int, folder: Path | None = None) -> bytes:
 PARSERS = (
     Parser(
         "achd",
-        ("sources.hubo.achd_protocol.AchdParser.feed",),
+        ("sources.hubo.achd.AchdParser.feed",),
         achd_work,
         (AchdProtocolError,),
         (achd_frames(3, 300), b"status: 0\nmessage: fine\n.\n" + achd_frames(1, 1)[12:]),

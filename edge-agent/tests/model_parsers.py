@@ -15,7 +15,7 @@ from parser_stage import Input, Parser, Work, Worst, written
 from PIL import Image
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.texture import compute_mean_colour, fit_picture, validate_picture
+from posecast_edge.model.meshes.texture import Pictures, compute_mean_colour, fit_picture
 from posecast_edge.model.serve.bundle import ModelError, load_bundle
 from posecast_edge.model.serve.bundle_dir import list_entries
 from posecast_edge.model.urdf.reader import read_urdf
@@ -44,7 +44,7 @@ def picture_work(given: Input, folder: Path) -> Work:
     def work() -> None:
         fit_picture.cache_clear()
         compute_mean_colour.cache_clear()
-        validate_picture(given.data)
+        Pictures().validate(given.data)
         fit_picture(given.data, 128)
         compute_mean_colour(given.data)
 
@@ -165,18 +165,11 @@ PARSERS = (
         lambda given, folder: lambda: list_entries(given.data),
         REFUSED,
         (manifest([ENTRY]),),
-        {
-            "entries": Worst(lambda n: manifest([ENTRY] * n), 500),
-            "brackets": Worst(lambda n: b"[" * n, 5000),
-        },
+        {"entries": Worst(lambda n: manifest([ENTRY] * n), 500), "brackets": Worst(lambda n: b"[" * n, 5000)},
     ),
     Parser(
         "picture",
-        (
-            "model.meshes.texture.validate_picture",
-            "model.meshes.texture.Pictures.validate",
-            "model.meshes.texture.fit_picture",
-        ),
+        ("model.meshes.texture.Pictures.validate", "model.meshes.texture.fit_picture"),
         picture_work,
         REFUSED,
         (PICTURE, png(3)),

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from PIL import Image
 from posecast_edge.model.builder.build import Built, build_model
 from posecast_edge.model.meshes.mesh import Mesh
@@ -218,3 +220,32 @@ ROBOT_OF_ALL = robot(
     joint("k", "b", "c", inside='<axis xyz="0 0 1"/><mimic joint="j" multiplier="2"/>'),
     '<gazebo reference="a"><sensor name="s" type="imu"><pose>0 0 0 0 0 0</pose></sensor></gazebo>',
 ).encode()  # something of each kind that a URDF may have
+
+
+# --- what lies beside the checkout in ../shared (robots, trajectories), which may be absent
+
+SHARED = Path(os.environ.get("POSECAST_SHARED") or Path(__file__).parents[3] / "shared")
+ROBOTS = {
+    "hubo2plus-stl": "hubo2plus-stl/hubo-urdf/model.urdf",
+    "hubo2plus-collision": "hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf",
+    "hubo2plus-collada": "hubo2plus-collada/hubo-urdf/model.urdf",
+    "drchubo": "drchubo-stl/drchubo-urdf/drchubo-v3.urdf",
+    "g1": "unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf",
+    "g1-hands": "unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf",
+}
+# as parameters; the largest takes minutes to build on a busy machine; g1 stands for g1-hands in `make test`
+LONG = ("hubo2plus-collada", "g1-hands")
+TO_BUILD = [pytest.param(name, marks=[pytest.mark.full] if name in LONG else []) for name in ROBOTS]
+
+
+def shared_file(path: str) -> Path:
+    """A file of ../shared; the test is skipped where it is not there."""
+    file = SHARED / path
+    if not file.is_file():
+        pytest.skip(f"no ../shared/{path} here")
+    return file
+
+
+def shared_robot(name: str) -> Path:
+    """The URDF of one of `ROBOTS`; the test is skipped where it is not there."""
+    return shared_file(f"robots/{ROBOTS[name]}")

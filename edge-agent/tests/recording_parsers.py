@@ -261,10 +261,7 @@ PARSERS = (
         mcap_work,
         (SourceError,),
         (ros2_bag(3),),
-        {
-            "messages": Worst(ros2_bag, 60),
-            "topics": Worst(lambda n: ros2_bag(1, n), 500),
-        },
+        {"messages": Worst(ros2_bag, 60), "topics": Worst(lambda n: ros2_bag(1, n), 500)},
     ),
     Parser(
         "jsonl",

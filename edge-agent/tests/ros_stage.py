@@ -8,13 +8,15 @@ import json
 import math
 import struct
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import pytest
 import zenoh
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.sources.ros.messages import CONTROLLER_STATE, IMU, JOINT_STATE, ODOMETRY
+from posecast_edge.sources.ros.ros2 import make_dds_type
 from posecast_testing import free_port
 from zenoh.ext import CacheConfig, declare_advanced_publisher
 
@@ -172,7 +174,7 @@ class Graph:
 
     def publish(self, topic: str, type_name: str, payload: bytes, domain: int = 0) -> None:
         """As a node of rmw_zenoh does; the first time it makes itself known."""
-        key = f"{domain}{topic}/{_dds(type_name)}/RIHS01_{'ab' * 32}"
+        key = f"{domain}{topic}/{make_dds_type(type_name)}/RIHS01_{'ab' * 32}"
         publisher = self._publishers.get(key)
         if publisher is None:
             self.declare(topic, type_name, domain)
@@ -186,19 +188,16 @@ class Graph:
         self._ids += 1
         name = topic.replace("/", "%")
         where = f"{self.nodes.zid()}/0/{self._ids}/MP/%/%/node"
-        token = f"@ros2_lv/{domain}/{where}/{name}/{_dds(type_name)}/RIHS01_{'ab' * 32}/::,10:,:,:,,"
+        token = f"@ros2_lv/{domain}/{where}/{name}/{make_dds_type(type_name)}/RIHS01_{'ab' * 32}/::,10:,:,:,,"
         self.held.append(self.nodes.liveliness().declare_token(token))
 
     def latch(self, topic: str, type_name: str, payload: bytes) -> None:
         """A publisher with durability transient local, and what it has published."""
         assert self.nodes is not None
         self.declare(topic, type_name)
-        key = f"0{topic}/{_dds(type_name)}/RIHS01_{'cd' * 32}"
+        key = f"0{topic}/{make_dds_type(type_name)}/RIHS01_{'cd' * 32}"
         publisher = declare_advanced_publisher(
-            self.nodes,
-            key,
-            cache=CacheConfig(max_samples=1),
-            publisher_detection=True,
+            self.nodes, key, cache=CacheConfig(max_samples=1), publisher_detection=True
         )
         publisher.put(payload)
         self.held.append(publisher)
@@ -213,11 +212,6 @@ class Graph:
         publisher = self.nodes.declare_publisher(topic.lstrip("/"))
         self.held.append(publisher)
         return publisher.put
-
-
-def _dds(type_name: str) -> str:
-    package, _, name = type_name.partition("/")
-    return f"{package}::msg::dds_::{name}_"
 
 
 def main() -> None:
@@ -241,3 +235,10 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+
+@pytest.fixture
+def graph() -> Iterator[Graph]:
+    g = Graph().start()
+    yield g
+    g.stop()

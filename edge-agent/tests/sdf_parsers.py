@@ -119,10 +119,7 @@ PARSERS = (
     ),
     Parser(
         "sdf-included",
-        (
-            "model.sdf.reader.load_sdf",
-            "model.sdf.includes.IncludeReader.read_main",
-        ),
+        ("model.sdf.reader.load_sdf", "model.sdf.includes.IncludeReader.read_main"),
         including_work,
         REFUSED,
         (WHOLE,),

@@ -117,10 +117,7 @@ SIXTEENTH = LINE_MAX // 16 - 10  # a longer file is not read
 PARSERS = (
     Parser(
         "profile",
-        (
-            "profile.reader.load_profile",
-            "profile.reader.parse_profile",
-        ),
+        ("profile.reader.load_profile", "profile.reader.parse_profile"),
         profile_work,
         (ProfileError,),
         (BASE.encode(), PROFILE.encode(), (PROFILE + VIEWS).encode()),

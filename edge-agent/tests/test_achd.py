@@ -15,8 +15,14 @@ import pytest
 from achd_stage import Achd, framed, refuse
 from posecast_edge.kit import Backoff
 from posecast_edge.sources.hubo import achd as achd_module
-from posecast_edge.sources.hubo.achd import BATCH_BYTES, AchdReader, BatchTimer
-from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError, make_request
+from posecast_edge.sources.hubo.achd import (
+    BATCH_BYTES,
+    AchdParser,
+    AchdProtocolError,
+    AchdReader,
+    BatchTimer,
+    make_request,
+)
 from posecast_edge.sources.hubo.reconnecting import KEPT_MAX
 from posecast_testing import free_port, until
 

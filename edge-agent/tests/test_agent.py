@@ -372,7 +372,7 @@ def test_a_model_that_comes_later_changes_units_once(router: Router) -> None:
 
     try:
         until("frames of a robot without a model", lambda: len(router.frames) >= 10)
-        agent.expect_model(Bundle(b"", [], [], frozenset(), frozenset({"finger"})))
+        agent.expect_model(Bundle(b"", [], [], frozenset(), [("finger", "prismatic")]))
         until("another schema", lambda: len(schemas()) == 2)
         n = len(router.frames)
         until("it goes on", lambda: len(router.frames) >= n + 10)

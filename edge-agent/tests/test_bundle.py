@@ -5,15 +5,8 @@ import json
 from pathlib import Path
 
 import pytest
-from posecast_edge.model.serve.bundle import (
-    RANGE_MAX,
-    Bundle,
-    ModelError,
-    find_sliding_built,
-    load_built,
-    load_bundle,
-)
-from shared_stage import shared_robot
+from model_stage import shared_robot
+from posecast_edge.model.serve.bundle import RANGE_MAX, Bundle, ModelError, load_built, load_bundle
 
 
 def urdf(path: Path, *uris: str) -> Path:
@@ -155,12 +148,7 @@ def test_ranges(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "files", "missing"),
-    [
-        ("hubo2plus-stl", 31, 20),
-        ("drchubo", 38, 0),
-        ("hubo2plus-collada", 86, 0),
-        ("g1", 36, 0),
-    ],
+    [("hubo2plus-stl", 31, 20), ("drchubo", 38, 0), ("hubo2plus-collada", 86, 0), ("g1", 36, 0)],
 )
 def test_real_robots(name: str, files: int, missing: int) -> None:
     bundle = load_bundle(shared_robot(name))
@@ -203,6 +191,8 @@ def test_a_bundle_knows_its_links_and_which_joints_slide(tmp_path: Path) -> None
     path.write_text(f'<robot name="r"><link name="a"/>{joints}</robot>')
     assert load_bundle(path).sliding == {"prismatic one"}
     assert load_bundle(path).links == {"a", "prismatic", "revolute"}
-    manifest = {"joints": [{"name": "x", "type": "prismatic"}, {"name": "y", "type": "fixed"}, 7]}
-    assert find_sliding_built(json.dumps(manifest).encode()) == {"x"}
-    assert find_sliding_built(b'{"joints": 3}') == frozenset()
+    built: list[object] = [{"name": "x", "type": "prismatic"}, {"name": "y", "type": "fixed"}, 7]
+    for of_manifest, sliding in ((built, {"x"}), (3, set())):
+        manifest = {"v": 2, "links": ["a"], "joints": of_manifest, "files": []}
+        (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+        assert load_built(tmp_path).sliding == sliding

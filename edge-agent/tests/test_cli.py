@@ -92,13 +92,7 @@ def test_a_credential_as_editors_on_windows_write_it(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [
-        b"",
-        b"\0" * 100,
-        b"\xff" * 100,
-        b"posecast1:" * 10_000,
-        b"posecast1:r1:" + b"s" * 43 + b":~",
-    ],
+    [b"", b"\0" * 100, b"\xff" * 100, b"posecast1:" * 10_000, b"posecast1:r1:" + b"s" * 43 + b":~"],
     ids=["empty", "zeros", "no text", "long", "no certificate"],
 )
 def test_no_credential_is_one_short_line(tmp_path: Path, content: bytes) -> None:

@@ -35,17 +35,11 @@ def near(values: dict[str, dict[str, float]]) -> object:
 
 def test_columns_go_where_their_names_say(tmp_path: Path) -> None:
     (sample,) = samples(
-        tmp_path,
-        "t,RKN,ref.RKN,ftf.RF.fz,flags.RKN,info.mode\n1.5,0.1,0.2,310,jam hot,walking\n",
+        tmp_path, "t,RKN,ref.RKN,ftf.RF.fz,flags.RKN,info.mode\n1.5,0.1,0.2,310,jam hot,walking\n"
     )
     assert sample == Sample(
         1.5,
-        {
-            "pos": {"RKN": 0.1},
-            "ref": {"RKN": 0.2},
-            "ftf": {"RF.fz": 310.0},
-            "flags": {"RKN": ["jam", "hot"]},
-        },
+        {"pos": {"RKN": 0.1}, "ref": {"RKN": 0.2}, "ftf": {"RF.fz": 310.0}, "flags": {"RKN": ["jam", "hot"]}},
         {"mode": "walking"},
         f"{tmp_path}/walk.csv:2",
     )
@@ -431,20 +425,7 @@ def test_a_number_that_is_no_mask_names_no_bit(
 
 
 ABSENT = [
-    "NA",
-    "N/A",
-    "n/a",
-    "#N/A",
-    "null",
-    "NULL",
-    "None",
-    "-",
-    "--",
-    "nan",
-    "NaN",
-    "inf",
-    "<NA>",
-    "NaT",
+    *["NA", "N/A", "n/a", "#N/A", "null", "NULL", "None", "-", "--", "nan", "NaN", "inf", "<NA>", "NaT"],
 ]
 
 

@@ -10,12 +10,14 @@ from pathlib import Path
 import pytest
 from model_stage import (
     PICTURE,
+    ROBOTS,
     cube_collada,
     cube_stl,
     joint,
     link,
     mesh,
     robot,
+    shared_robot,
     written,
 )
 from posecast_edge.model.builder.model_files import collect_facts, read_visual_files
@@ -27,7 +29,6 @@ from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
 from posecast_wire.schema import JointMap, SensorMount
 from posecast_wire.schema import Mapping as Meaning
-from shared_stage import ROBOTS, shared_robot
 
 A, B, C = link("a"), link("b"), link("c")
 AB = joint("ab", "a", "b")

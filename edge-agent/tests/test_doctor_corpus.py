@@ -46,7 +46,14 @@ MORE = [
     robot('<link name="a"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'),
 ]
 # what only the edge can say: it reads profiles and folders of packages, and looks into a mesh's corners
-EDGE_ONLY = {"profile-foot", "profile-joint", "profile-sensor", "mesh-found", "texture-coordinates"}
+EDGE_ONLY = {
+    "profile-foot",
+    "profile-joint",
+    "profile-sensor",
+    "profile-sole",
+    "mesh-found",
+    "texture-coordinates",
+}
 
 Notes = tuple[tuple[str, str], ...]
 AXIS: Notes = (("collada-axis", "it says Y_UP; ignored, as RViz does"),)

@@ -51,10 +51,7 @@ def test_wrong_count_is_named_and_shifts_nothing() -> None:
 
 
 def test_what_is_no_number_is_named_and_has_no_reading() -> None:
-    assert flatten({"pos": ["x", 1.0]}) == (
-        [None, 1.0, None, None],
-        ["line 7: pos.A is 'x', not a number"],
-    )
+    assert flatten({"pos": ["x", 1.0]}) == ([None, 1.0, None, None], ["line 7: pos.A is 'x', not a number"])
     assert flatten({"pos": [10**400, [1]]})[0] == [None] * 4
     assert flatten({"flags": [4, -1]}) == (
         [None] * 4,
@@ -63,10 +60,7 @@ def test_what_is_no_number_is_named_and_has_no_reading() -> None:
     assert flatten({"flags": [1.5, "jam"]})[0] == [None] * 4
     assert flatten({"pos": {"A": True}, "flags": [False, 1]}) == (
         [None, None, None, 1],
-        [
-            "line 7: pos.A is True, not a number",
-            "line 7: flags.A is False, not a list or mask of its bits",
-        ],
+        ["line 7: pos.A is True, not a number", "line 7: flags.A is False, not a list or mask of its bits"],
     )
 
 

@@ -28,13 +28,12 @@ from model_stage import (
 from posecast_edge.cli import model_command as command
 from posecast_edge.model.builder import thumbnail
 from posecast_edge.model.builder import visuals as figure
+from posecast_edge.model.builder.mesh_coder import CROWD_MAX, LodChain, weld_vertices
 from posecast_edge.model.builder.model_files import read_visual_files
-from posecast_edge.model.builder.simplify import LodChain
+from posecast_edge.model.builder.quantise import compute_crease_normals
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.normals import compute_crease_normals
-from posecast_edge.model.meshes.weld import CROWD_MAX, weld_vertices
 from posecast_edge.model.robot_file import load_robot_file
-from posecast_edge.model.serve import robot_description as described
+from posecast_edge.model.serve import background as described
 from posecast_edge.model.serve.bundle import ModelError, load_bundle
 from posecast_edge.model.serve.bundle_dir import list_entries
 from posecast_edge.model.urdf.reader import read_urdf

@@ -11,7 +11,7 @@ from posecast_edge.sources.registry import open_source
 
 pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 
-from posecast_edge.sources.mujoco import trial as mujoco_trial
+from posecast_edge.sources.mujoco import source as mujoco_trial
 from posecast_edge.sources.mujoco.model import load_simulation
 
 BODY = '<body pos="0 0 1"><joint name="j"/><geom size=".1" mass="1"/></body>'
@@ -52,9 +52,7 @@ def test_models_that_are_refused(case: str, tmp_path: Path) -> None:
 TRIED = {
     "a replica": mjcf('<replicate count="100000000"><geom size=".1"/></replicate>' + BODY),
     "keys by the billion": mjcf(head='<size nkey="1000000000"/>'),
-    "heights": mjcf(
-        head='<asset><hfield name="h" nrow="50000" ncol="50000" size="1 1 1 1"/></asset>',
-    ),
+    "heights": mjcf(head='<asset><hfield name="h" nrow="50000" ncol="50000" size="1 1 1 1"/></asset>'),
     "a grid": mjcf('<flexcomp type="grid" count="500 500 500" name="f" dim="3" mass="1"/>' + BODY),
 }
 

@@ -20,7 +20,6 @@ from posecast_edge.model.meshes.texture import (
     Pictures,
     compute_mean_colour,
     fit_picture,
-    validate_picture,
 )
 
 
@@ -50,7 +49,7 @@ def tiff_claiming(width: int, height: int) -> bytes:
 )
 def test_a_picture_that_is_taken_can_be_shown(picture: bytes) -> None:
     try:
-        validate_picture(picture)
+        Pictures().validate(picture)
     except ModelRefused:
         return
     assert fit_picture(picture, 128).type in ("image/png", "image/jpeg")
@@ -60,7 +59,7 @@ def test_a_picture_that_is_taken_can_be_shown(picture: bytes) -> None:
 def test_compressed_tiff_is_refused_in_one_line(capfd: pytest.CaptureFixture[str]) -> None:
     """Its decoder writes to stderr what it thinks of each of 65,535 tags."""
     with pytest.raises(ModelRefused, match="compressed TIFF"):
-        validate_picture(encoded(Image.new("RGB", (9, 9)), "TIFF", compression="tiff_lzw"))
+        Pictures().validate(encoded(Image.new("RGB", (9, 9)), "TIFF", compression="tiff_lzw"))
     assert capfd.readouterr().err == ""
 
 
@@ -82,7 +81,7 @@ def test_a_picture_that_would_fill_the_memory_is_refused(how: dict[str, bool]) -
     with pytest.raises(
         ModelRefused, match="a picture of 5000 × 5000 pixels; at most 4096 × 4096 are supported"
     ):
-        validate_picture(data)
+        Pictures().validate(data)
 
 
 LARGE = {"RGB": "PNG", "P": "PNG", "L": "JPEG"}
@@ -100,16 +99,16 @@ def test_a_large_picture_is_never_there_twice(mode: str, monkeypatch: pytest.Mon
         return convert(image, *given)
 
     monkeypatch.setattr(Image.Image, "convert", counted)
-    validate_picture(data)
+    Pictures().validate(data)
     assert compute_mean_colour(data) == pytest.approx((200 / 255,) * 3, abs=0.01)
     assert fit_picture(data, 128).type == "image/jpeg"
     assert most <= 4096 * BAND
 
 
 def test_a_picture_of_more_scans_than_pixels_are_worth() -> None:
-    assert validate_picture(jpeg_scans(50)) == jpeg_scans(50)
+    assert Pictures().validate(jpeg_scans(50)) == jpeg_scans(50)
     with pytest.raises(ModelRefused, match="a JPEG of more than 100 scans"):
-        validate_picture(jpeg_scans(200))
+        Pictures().validate(jpeg_scans(200))
 
 
 def test_a_picture_is_looked_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import zenoh
 from edge_stage import ROBOT, Edge, Feeder, Router
-from posecast_edge.uplink.model_server import WAITING_MAX
 from posecast_edge.uplink.publisher import SNAPSHOTS_AT_ONCE, SNAPSHOTS_S
+from posecast_edge.uplink.session import WAITING_MAX
 from posecast_testing import until
 from posecast_wire.keys import Echo, echo_key, model_key, snapshot_key
 from test_model_background import RSS_KB_MAX, memory_kb

@@ -16,10 +16,8 @@ from achd_stage import Achd, framed
 from edge_stage import ROBOT, Edge, Router
 from hubo_structs import SLOT, state
 from posecast_edge.profile.reader import load_profile
-from posecast_edge.sample import SourceError
 from posecast_edge.sources.hubo.reconnecting import PersistentReader
 from posecast_edge.sources.hubo.source import HuboAchSource
-from posecast_edge.sources.registry import open_source
 from posecast_testing import until
 from posecast_wire.decoder import Decoder
 
@@ -225,23 +223,3 @@ def test_of_frames_that_came_at_once_the_last_that_is_one_is_the_newest() -> Non
         frames.append(bytes(s))
     taken = source.make_samples([*frames, bytes(3632)], 0.0)
     assert [(x.t_s, x.newest) for x in taken] == [(0.0, False), (0.005, False), (0.01, False), (0.015, True)]
-
-
-@pytest.mark.parametrize("address", ["", "host:port", "a b", "host:0", "host:70000", "/dev/shm/x", "h:1:2"])
-def test_an_address_that_is_none(address: str) -> None:
-    with pytest.raises(SourceError, match=r"hubo-ach: .* is not an address such as hubo-ach:192"):
-        open_source(f"hubo-ach:{address}", None)
-
-
-@pytest.mark.parametrize(
-    ("spec", "description"),
-    [
-        ("hubo-ach:10.0.0.5", "hubo-ach 10.0.0.5:8076"),
-        ("hubo-ach:hubo.local:9000", "hubo-ach hubo.local:9000"),
-        ("hubo-ach:[fe80::1%eth0]:8076", "hubo-ach fe80::1%eth0:8076"),
-        ("hubo-ach:shm", "hubo-ach /dev/shm/achshm-hubo-state"),
-        ("hubo-ach:shm:/mnt/shm/x", "hubo-ach /mnt/shm/x"),
-    ],
-)
-def test_addresses(spec: str, description: str) -> None:
-    assert open_source(spec, None).description == description

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -151,13 +150,6 @@ def test_probe_says_how_many_joints_it_found(tmp_path: Path) -> None:
 # --- live
 
 
-@pytest.fixture
-def graph() -> Iterator[Graph]:
-    g = Graph().start()
-    yield g
-    g.stop()
-
-
 def test_a_live_graph_whose_joint_states_come_later(graph: Graph, listen: Listen, moving: Move) -> None:
     graph.latch("/robot_description", STRING, text_message(URDF))
     graph.latch("/tf_static", TF, transforms(1000, ("world", "base_link", (0, 0, 0), (1, 0, 0, 0))))
@@ -179,7 +171,7 @@ def test_frames_of_a_bridge_and_a_model_given_later(graph: Graph, listen: Listen
     moving(50, lambda t: publish(transforms(1000 + t, *crane(0.5, 0.25, "lab/"))))
     until("frames", lambda: any(NO_MODEL in line for line in heard.source.offers))
     heard.source.take_joints(
-        tuple(j for j in list_moving_joints(read_urdf(BytesIO(URDF.encode()))) if j.name != "hoist"),
+        tuple(j for j in list_moving_joints(read_urdf(BytesIO(URDF.encode()))) if j.name != "hoist")
     )
     until("joints", lambda: heard.newest.get("pos") == {"slew": pytest.approx(0.5), "travel": 0.25})
 

@@ -13,12 +13,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yourdfpy
-from model_stage import joint, link, robot, written
+from model_stage import ROBOTS, joint, link, robot, shared_robot, written
 from posecast_edge.model.builder.manifest import compute_home, encode_manifest, make_skeleton
 from posecast_edge.model.kinematics import compute_link_poses, quaternion_from_rpy
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.model.urdf.tree import build_tree
-from shared_stage import ROBOTS, shared_robot
 from trimesh import transformations as untyped
 
 transformations: Any = untyped

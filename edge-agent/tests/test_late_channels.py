@@ -111,10 +111,7 @@ def test_a_gripper_and_an_imu_behind_the_dds_bridge(router: Router, graph: Graph
 
     with running(router, graph.source) as watched:
         show_late(
-            router,
-            watched,
-            begin,
-            lambda: has(watched, *FINGER) and watched.look().keys() >= IMU_PARTS,
+            router, watched, begin, lambda: has(watched, *FINGER) and watched.look().keys() >= IMU_PARTS
         )
 
 

@@ -33,12 +33,7 @@ def masses_of(path: Path) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("r.urdf", robot(link("a", WEIGHT))),
-        ("r.sdf", SDF),
-        ("r.xml", MJCF),
-    ],
+    ("name", "text"), [("r.urdf", robot(link("a", WEIGHT))), ("r.sdf", SDF), ("r.xml", MJCF)]
 )
 def test_each_format_says_it_in_the_links_own_axes(name: str, text: str, tmp_path: Path) -> None:
     if name.endswith("xml"):

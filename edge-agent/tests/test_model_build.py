@@ -4,6 +4,7 @@ says."""
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import struct
 import subprocess
@@ -14,10 +15,13 @@ from typing import Any
 import meshoptimizer
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from model_stage import (
     CUBE_CORNERS,
     CUBE_FACES,
     PICTURE,
+    TO_BUILD,
     build_robot,
     cube_collada,
     cube_obj,
@@ -27,6 +31,7 @@ from model_stage import (
     link,
     mesh,
     robot,
+    shared_robot,
     written,
 )
 from numpy.typing import NDArray
@@ -38,8 +43,10 @@ from posecast_edge.model.builder.thumbnail import aim_camera, draw_triangles
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.model.serve.bundle_dir import MANIFEST_MAX
+from posecast_edge.model.urdf.reader import read_urdf
+from posecast_edge.model.urdf.tree import build_tree
 from posecast_edge.sources.demo import BUNDLE
-from shared_stage import TO_BUILD, shared_robot
+from posecast_testing import count_examples
 
 VIEWS = [np.array(v) for v in ((1.0, 0.0, 0.05), (0.0, 1.0, 0.1), (1.0, 0.55, 0.42))]
 PIXELS = 512
@@ -406,3 +413,26 @@ def test_a_manifest_that_no_relay_takes_is_refused_in_one_line() -> None:
     assert len(encode_manifest({"n": "n" * (BYTES_MAX - empty)})) == BYTES_MAX == MANIFEST_MAX
     with pytest.raises(ModelRefused, match=r"manifest would have 1,049 kB; a relay takes at most 1 MiB"):
         encode_manifest({"n": "n" * (BYTES_MAX - empty + 1)})
+
+
+# --- trees of links that no robot has. Damaged files of each kind: test_parsers.py
+
+names = st.sampled_from(["a", "b", "c", "d", "e"])
+
+
+@settings(max_examples=count_examples(200), deadline=None)
+@given(links=st.lists(names, max_size=6), joints=st.lists(st.tuples(names, names, names, names), max_size=8))
+def test_trees_of_any_shape(links: list[str], joints: list[tuple[str, str, str, str]]) -> None:
+    """Every link is shown, or a finding says that it is not."""
+    parts = [link(name) for name in links]
+    parts += [
+        joint(name, parent, child, inside=f'<axis xyz="0 0 1"/><mimic joint="{mimic}"/>')
+        for name, parent, child, mimic in joints
+    ]
+    tree = build_tree(read_urdf(io.BytesIO(robot(*parts).encode())))
+    lost = set(links) - set(tree.index)
+    assert bool(lost) <= bool(tree.findings)
+    assert len(tree.links) == len(tree.joints) + 1 or not tree.links
+    assert [tree.index[j.child] for j in tree.joints] == list(range(1, len(tree.links)))
+    assert all(tree.index[j.parent] < tree.index[j.child] for j in tree.joints)
+    assert all(f is None or tree.joints[f.joint].mimic is None for f in tree.follows)

@@ -13,7 +13,7 @@ from posecast_edge import kit
 from posecast_edge.model.serve.bundle import load_bundle
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
-from posecast_edge.sources.published.checks import BACK, ERRORS_MAX, ModelCheck, ProblemList
+from posecast_edge.sources.published.checks import BACK, ERRORS_MAX, ClockCheck, ModelCheck, ProblemList
 from posecast_edge.sources.published.readings import Copied, PublishedSlot
 from posecast_edge.sources.published.source import PublishedSource
 
@@ -154,3 +154,33 @@ def test_a_profile_says_itself_what_moves_what(tmp_path: Path) -> None:
     slot.put(1.0, [Copied("pos", ("elbow", "M1"), [90.0, 1.0])], {}, kit.now_s())
     source.run(lambda _: source.end(), threading.Event())
     assert problems.get_counts() == {}
+
+
+# --- the robot's time that a program gives, beside the time that passes
+
+
+def told(times: list[tuple[float, float]]) -> dict[str, int]:
+    problems = ProblemList()
+    check = ClockCheck(problems)
+    for t_s, now_s in times:
+        check.check_time(t_s, now_s)
+    return problems.get_counts()
+
+
+@pytest.mark.parametrize(
+    ("pace", "said"),
+    [
+        (1.0, {}),
+        (20.0, {}),  # a replay
+        (0.0, {}),
+        (1000.0, {"t runs 1,000 times too fast: are these milliseconds?": 3}),
+        (1e6, {"t runs 1,000,000 times too fast: are these microseconds?": 3}),
+        (1e9, {"t runs 1,000,000,000 times too fast: are these nanoseconds?": 3}),
+    ],
+)
+def test_the_unit_shows_in_the_pace(pace: float, said: dict[str, int]) -> None:
+    assert told([(5.0 + pace * tick / 8, 7.0 + tick / 8) for tick in range(25)]) == said
+
+
+def test_a_clock_that_steps_back_is_told_and_counts_anew() -> None:
+    assert told([(10.0, 0.0), (9.5, 0.1), (3.0, 0.2), (3.1, 0.3), (1000.0, 0.4), (1.0, 0.5)]) == {BACK: 2}

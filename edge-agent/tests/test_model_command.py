@@ -15,8 +15,7 @@ from command_stage import run_edge
 from model_stage import cube_stl, joint, link, mesh, robot, written
 from posecast_edge.cli.model_command import CLEAN, PROBLEMS, UNUSABLE, run_command
 from posecast_edge.cli.profile_new import run_profile
-from posecast_edge.model.serve.bundle_dir import read_folder
-from posecast_edge.model.serve.cache import ENTRIES, Cache
+from posecast_edge.model.serve.bundle_dir import ENTRIES, Cache, read_folder
 from posecast_edge.model.urdf.resolver import Resolver
 
 HEALTHY = robot(link("a"), link("b", mesh("meshes/b.stl")), joint("ab", "a", "b"))

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from command_stage import run_edge
+from model_stage import shared_robot
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.registry import find_defaults, open_source
-from shared_stage import shared_robot
 
 mujoco = pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
 

@@ -27,8 +27,7 @@ from PIL import Image
 from posecast_edge.model.builder.build import Built
 from posecast_edge.model.meshes.mesh import Floats, Paint, Surface
 from posecast_edge.model.meshes.primitives import tessellate
-from posecast_edge.model.meshes.reader import read_mesh
-from posecast_edge.model.meshes.vertex_colour import COLOURS_MAX, split_by_colour
+from posecast_edge.model.meshes.reader import COLOURS_MAX, read_mesh, split_by_colour
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 

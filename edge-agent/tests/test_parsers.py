@@ -3,19 +3,41 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import itertools
 import random
 import re
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
+import mesh_parsers
+import message_parsers
+import model_parsers
 import posecast_edge
 import pytest
-from every_parser import PARSERS
+import recording_parsers
+import scene_parsers
+import sdf_parsers
+import settings_parsers
+from cost_stage import SLACK, SPAN, assert_time_in_proportion
 from model_stage import PICTURE
-from parser_stage import Input, in_one_line
+from parser_stage import Input, Parser, Work, held_bytes, in_one_line
 from posecast_edge.sources.registry import KINDS
 from posecast_testing import count_examples
+
+PARSERS = {
+    parser.name: parser
+    for parser in itertools.chain(
+        mesh_parsers.PARSERS,
+        scene_parsers.PARSERS,
+        model_parsers.PARSERS,
+        sdf_parsers.PARSERS,
+        recording_parsers.PARSERS,
+        message_parsers.PARSERS,
+        settings_parsers.PARSERS,
+    )
+}
 
 PACKAGE = Path(posecast_edge.__file__).parent
 READS = re.compile(r"(?:decode|feed|fit|load|parse|read|unpack|validate)(?:_|$)")
@@ -125,3 +147,45 @@ def spoiled(dice: random.Random, data: bytes, others: tuple[bytes, ...]) -> byte
         else:
             data = data[:at] + dice.choice(STRANGE) + data[at + size :]
     return data
+
+
+# --- time and memory of every parser grow no faster than its input, of the worst kind that is known
+
+WORST = [(name, kind) for name, parser in PARSERS.items() for kind in parser.worst]
+BYTES = 1 << 20  # whatever the input
+
+
+def prepared(parser: Parser, kind: str, n: int, folder: Path) -> Work:
+    """One run; what it may refuse it may."""
+    folder.mkdir()
+    work = parser.work(parser.worst[kind].input(n), folder)
+
+    def run() -> None:
+        with in_one_line(*parser.refuses):
+            work()
+
+    return run
+
+
+def lower_bounds(parser: Parser, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for place, value in parser.worst[kind].bounds.items():
+        module, _, name = place.rpartition(".")
+        monkeypatch.setattr(importlib.import_module(module), name, value, raising=False)
+
+
+@pytest.mark.parametrize(("name", "kind"), WORST)
+def test_time(name: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parser = PARSERS[name]
+    lower_bounds(parser, kind, monkeypatch)
+    assert_time_in_proportion(lambda n: prepared(parser, kind, n, tmp_path / str(n)), parser.worst[kind].n)
+
+
+# what takes memory with the square takes such time too: test_time. Tracing costs ten times as much
+@pytest.mark.full
+@pytest.mark.parametrize(("name", "kind"), WORST)
+def test_memory(name: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parser = PARSERS[name]
+    lower_bounds(parser, kind, monkeypatch)
+    n = parser.worst[kind].n
+    small, large = (held_bytes(prepared(parser, kind, n * k, tmp_path / str(k))) for k in (1, SPAN))
+    assert large < SPAN * SLACK * small + BYTES

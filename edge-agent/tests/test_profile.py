@@ -4,8 +4,18 @@ import math
 from pathlib import Path
 
 import pytest
+from command_stage import run_edge
 from edge_stage import PROFILE
-from posecast_edge.profile.reader import ProfileError, find_profile, load_profile, parse_profile
+from posecast_edge.profile.reader import (
+    ERRORS_MAX,
+    READ_BYTES_MAX,
+    ProfileError,
+    TermError,
+    find_profile,
+    load_profile,
+    parse_profile,
+    resolve_entries,
+)
 from posecast_edge.profile.schema import make_schema_text
 from posecast_wire.schema import JointMap, Schema, SensorMount, Sentence, Threshold
 from settings_parsers import BASE, VIEWS
@@ -109,96 +119,78 @@ def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) ->
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("x = ", "p.toml: Invalid value (at end of document)"),
-        ("", "p.toml: fields: at least one [[fields]] is needed"),
-        (BASE + "[robott]\n", "p.toml:5: robott: unknown key"),
-        (
-            BASE + "[robot]\nname='x'\ncolour='red'\n",
-            "p.toml:7: robot.colour: unknown key; known: name, root",
-        ),
-        (BASE + "unt='rad'\n", "p.toml:5: fields[0].unt: unknown key"),
-        (BASE + "unit='furlong'\n", "p.toml:5: fields.pos.unit: unknown unit 'furlong'"),
-        (BASE + "labels='joints'\n", "p.toml:5: fields.pos.labels: unknown label set 'joints'"),
-        (BASE + "labels=['C','C']\n", "p.toml:5: fields.pos.labels[1]: 'C' is listed twice"),
-        (BASE + "scale=0\n", "p.toml:5: fields.pos.scale: must be above 0, not 0"),
-        (BASE + "scale='big'\n", "p.toml:5: fields.pos.scale: must be a number, not 'big'"),
-        (BASE + "deadband=-1\n", "p.toml:5: fields.pos.deadband: must be at least 0, not -1"),
-        (BASE + "rel='vel'\n", "p.toml:5: fields.pos.rel: 'vel' is not an earlier field"),
-        (BASE + "slow=1\n", "p.toml:5: fields.pos.slow: must be true or false, not 1"),
-        (BASE + "[[fields]]\nname='pos'\n", "p.toml:6: fields[1].name: 'pos' is listed twice"),
-        (BASE + "[[fields]]\nname='a b'\n", "p.toml:6: fields[1].name: 'a b' must be"),
-        (BASE + "[joints.K]\nterms=[['C',1]]\n", "p.toml:6: joints.K.terms[0]: unknown joint 'C'"),
+        ("x = ", ": Invalid value (at end of document)"),
+        ("", ": fields: at least one [[fields]] is needed"),
+        (BASE + "[robott]\n", ":5: robott: unknown key"),
+        (BASE + "[robot]\nname='x'\ncolour='red'\n", ":7: robot.colour: unknown key; known: name, root"),
+        (BASE + "unt='rad'\n", ":5: fields[0].unt: unknown key"),
+        (BASE + "unit='furlong'\n", ":5: fields.pos.unit: unknown unit 'furlong'"),
+        (BASE + "labels='joints'\n", ":5: fields.pos.labels: unknown label set 'joints'"),
+        (BASE + "labels=['C','C']\n", ":5: fields.pos.labels[1]: 'C' is listed twice"),
+        (BASE + "scale=0\n", ":5: fields.pos.scale: must be above 0, not 0"),
+        (BASE + "scale='big'\n", ":5: fields.pos.scale: must be a number, not 'big'"),
+        (BASE + "deadband=-1\n", ":5: fields.pos.deadband: must be at least 0, not -1"),
+        (BASE + "rel='vel'\n", ":5: fields.pos.rel: 'vel' is not an earlier field"),
+        (BASE + "slow=1\n", ":5: fields.pos.slow: must be true or false, not 1"),
+        (BASE + "[[fields]]\nname='pos'\n", ":6: fields[1].name: 'pos' is listed twice"),
+        (BASE + "[[fields]]\nname='a b'\n", ":6: fields[1].name: 'a b' must be"),
+        (BASE + "[joints.K]\nterms=[['C',1]]\n", ":6: joints.K.terms[0]: unknown joint 'C'"),
         (
             BASE + "[joints.K]\nterms=[['A',1]]\n[joints.L]\nterms=[['A',2]]\n",
-            "p.toml:8: joints.L.terms[0]: channel 'A' already moves joint 'K'; for a joint that moves",
+            ":8: joints.L.terms[0]: channel 'A' already moves joint 'K'; for a joint that moves",
         ),
-        (
-            BASE + "[joints]\nK.terms=[['L',1]]\nL.terms=[['K',1]]\n",
-            "p.toml:6: joints.K: a loop: K → L → K",
-        ),
-        (BASE + "units={A='inch'}\n", "p.toml:5: fields.pos.units.A: unknown unit 'inch'"),
-        (BASE + "units={C='mm'}\n", "p.toml:5: fields.pos.units.C: unknown label 'C'"),
-        (BASE + "[views.Lab]\n", "p.toml:5: views.Lab: view 'Lab': use 1 to 63 of a-z"),
-        (BASE + "[views.lab]\nfields=['pos','cur']\n", "p.toml:6: views.lab.fields[1]: unknown field 'cur'"),
-        (BASE + "[views.lab]\nhz=0\n", "p.toml:6: views.lab.hz: must be at least 0.1, not 0"),
-        (
-            BASE + "[views.lab]\nrate=5\n",
-            "p.toml:6: views.lab.rate: unknown key; known: fields, hz, scales, info",
-        ),
-        (BASE + "[views.lab]\ninfo='mode'\n", "p.toml:6: views.lab.info: must be a list of texts"),
-        (
-            BASE + "[views.lab.scales]\nvel=1\n",
-            "p.toml:6: views.lab.scales.vel: unknown field of this view 'vel'",
-        ),
+        (BASE + "[joints]\nK.terms=[['L',1]]\nL.terms=[['K',1]]\n", ":6: joints.K: a loop: K → L → K"),
+        (BASE + "units={A='inch'}\n", ":5: fields.pos.units.A: unknown unit 'inch'"),
+        (BASE + "units={C='mm'}\n", ":5: fields.pos.units.C: unknown label 'C'"),
+        (BASE + "[views.Lab]\n", ":5: views.Lab: view 'Lab': use 1 to 63 of a-z"),
+        (BASE + "[views.lab]\nfields=['pos','cur']\n", ":6: views.lab.fields[1]: unknown field 'cur'"),
+        (BASE + "[views.lab]\nhz=0\n", ":6: views.lab.hz: must be at least 0.1, not 0"),
+        (BASE + "[views.lab]\nrate=5\n", ":6: views.lab.rate: unknown key; known: fields, hz, scales, info"),
+        (BASE + "[views.lab]\ninfo='mode'\n", ":6: views.lab.info: must be a list of texts"),
+        (BASE + "[views.lab.scales]\nvel=1\n", ":6: views.lab.scales.vel: unknown field of this view 'vel'"),
         (
             BASE + "[[fields]]\nname='flags'\nbits=['jam']\n[views.lab.scales]\nflags=2\n",
-            "p.toml:9: views.lab.scales.flags: a field of bits has no scale",
+            ":9: views.lab.scales.flags: a field of bits has no scale",
         ),
-        (BASE + "[joints.K]\nterms=[['A']]\n", "p.toml:6: joints.K.terms[0]: must be [channel, gain]"),
-        (BASE + "[joints.K]\nterms=[['A',nan]]\n", "p.toml:6: joints.K.terms[0]: must be a number"),
-        (
-            BASE + "[joints.A]\noffset_deg=1\noffset_rad=1\n",
-            "p.toml:5: joints.A: give offset_rad or offset_deg",
-        ),
-        (BASE + "[sensors.RF]\nkind='nose'\n", "p.toml:6: sensors.RF.kind: unknown kind 'nose'"),
-        (BASE + "[sensors.RF]\nkind='imu'\nxyz=[1,2]\n", "p.toml:7: sensors.RF.xyz: must be three numbers"),
-        (BASE + "[severity.pos]\njam='fault'\n", "p.toml:6: severity.pos.jam: unknown bit 'jam'"),
-        (
-            FLAGS + "[explain.pos]\njam.en.say='x'\n",
-            "p.toml:9: explain.pos.jam: unknown bit 'jam'",
-        ),
-        (FLAGS + "[explain.flags]\nhot.en.say='x'\n", "p.toml:9: explain.flags.hot: unknown bit 'hot'"),
+        (BASE + "[joints.K]\nterms=[['A']]\n", ":6: joints.K.terms[0]: must be [channel, gain]"),
+        (BASE + "[joints.K]\nterms=[['A',nan]]\n", ":6: joints.K.terms[0]: must be a number"),
+        (BASE + "[joints.A]\noffset_deg=1\noffset_rad=1\n", ":5: joints.A: give offset_rad or offset_deg"),
+        (BASE + "[sensors.RF]\nkind='nose'\n", ":6: sensors.RF.kind: unknown kind 'nose'"),
+        (BASE + "[sensors.RF]\nkind='imu'\nxyz=[1,2]\n", ":7: sensors.RF.xyz: must be three numbers"),
+        (BASE + "[severity.pos]\njam='fault'\n", ":6: severity.pos.jam: unknown bit 'jam'"),
+        (FLAGS + "[explain.pos]\njam.en.say='x'\n", ":9: explain.pos.jam: unknown bit 'jam'"),
+        (FLAGS + "[explain.flags]\nhot.en.say='x'\n", ":9: explain.flags.hot: unknown bit 'hot'"),
         (
             FLAGS + "[explain.flags.jam]\nenglish.say='x'\n",
-            "p.toml:9: explain.flags.jam.english: must be a language tag, such as en or ko",
+            ":9: explain.flags.jam.english: must be a language tag, such as en or ko",
         ),
         (
             FLAGS + "[explain.flags.jam]\nen={say='x',text='y'}\n",
-            "p.toml:9: explain.flags.jam.en.text: unknown key; known: say, why",
+            ":9: explain.flags.jam.en.text: unknown key; known: say, why",
         ),
         (
             FLAGS + "[explain.flags.jam]\nen={why='y'}\n",
-            "p.toml:9: explain.flags.jam.en.say: must be a text, not None",
+            ":9: explain.flags.jam.en.say: must be a text, not None",
         ),
         (
             FLAGS + "[explain.flags.jam]\nen.say='{motor} is hot'\n",
-            "p.toml:9: explain.flags.jam.en.say: unknown place {motor}; known: joint, age, ref, pos, error",
+            ":9: explain.flags.jam.en.say: unknown place {motor}; known: joint, age, ref, pos, error",
         ),
         (
             FLAGS + "[explain.flags.jam]\nen.say='{joint} {temp}'\n",
-            "p.toml:9: explain.flags.jam.en.say: {temp} may be unknown: put its part",
+            ":9: explain.flags.jam.en.say: {temp} may be unknown: put its part",
         ),
         (
             FLAGS + "[explain.flags.jam]\nen.say='{joint} [is [hot]]'\n",
-            "p.toml:9: explain.flags.jam.en.say: braces and brackets must come in pairs",
+            ":9: explain.flags.jam.en.say: braces and brackets must come in pairs",
         ),
         (
             FLAGS + f"[explain.flags.jam]\nen.say='{'x' * 201}'\n",
-            "p.toml:9: explain.flags.jam.en.say: has 201 characters; at most 200",
+            ":9: explain.flags.jam.en.say: has 201 characters; at most 200",
         ),
         (
             FLAGS + "[explain.flags.jam]\n" + "".join(f"a{chr(97 + i)}.say='x'\n" for i in range(17)),
-            "p.toml:25: explain.flags.jam.aq: more than 16 languages",
+            ":25: explain.flags.jam.aq: more than 16 languages",
         ),
         (
             BASE
@@ -207,69 +199,63 @@ def test_words_that_are_blank_are_refused(table: str, where: str, blank: str) ->
                 f"[explain.flags.b{i}]\n" + "".join(f"a{chr(97 + k)}.say='{'모' * 200}'\n" for k in range(5))
                 for i in range(12)
             ),
-            "p.toml:68: explain.flags.b10: more than 32768 bytes of sentences in all",
+            ":68: explain.flags.b10: more than 32768 bytes of sentences in all",
         ),
-        (BASE + "[thresholds.temp]\nA={high=1}\n", "p.toml:5: thresholds.temp: unknown field 'temp'"),
-        (BASE + "[thresholds.pos]\nC={high=1}\n", "p.toml:6: thresholds.pos.C: unknown label 'C'"),
-        (BASE + "[thresholds.pos]\nA={}\n", "p.toml:6: thresholds.pos.A: give low, high or both"),
-        (
-            BASE + "[thresholds.pos]\nA={low=2,high=1}\n",
-            "p.toml:6: thresholds.pos.A: low 2 is not below high 1",
-        ),
-        (BASE + "[tolerance]\nC=1\n", "p.toml:6: tolerance.C: unknown joint 'C'"),
-        (BASE + "deadband=1e7\n", "p.toml:5: fields.pos.deadband: must be at most 1e+06, not 1e+07"),
-        (BASE + "scale=1e-13\n", "p.toml:5: fields[0].scale: must lie between 1e-12 and 1e12"),
-        (BASE + "scale=" + "9" * 350 + "\n", "p.toml:5: fields.pos.scale: must be a number, not 99999"),
-        (BASE + "scale=1e999\n", "p.toml:5: fields.pos.scale: must be a number, not inf"),
-        (BASE + "scale=" + "9" * 5000 + "\n", "p.toml:5: a number of more than 400 digits"),
-        (BASE + "x=" + "[" * 20000 + "\n", "p.toml: nested too deep"),
-        (BASE + "x=" + "[" * 200 + "]" * 200 + "\n", "p.toml:5: fields[0].x: unknown key"),
-        (BASE + "a." * 40 + "b=1\n", "p.toml:5: a key of more than 32 parts"),
-        (BASE + "unit=[1]\n", "p.toml:5: fields.pos.unit: unknown unit [1]"),
-        (BASE + "labels=5\n", "p.toml:5: fields.pos.labels: must be a list of texts"),
-        (BASE + "rel=['ref']\n", "p.toml:5: fields.pos.rel: ['ref'] is not an earlier field"),
-        (BASE + "scale=1979-05-27\n", "p.toml:5: fields.pos.scale: must be a number, not datetime.date"),
-        (BASE + "x=9999-99-99\n", "p.toml: "),
-        (BASE + f"[names]\nA='{'x' * 300}'\n", "p.toml:6: names.A: must be a text of 1 to 200 characters"),
-        (BASE + "'a\\u202eb'=1\n", "p.toml:5: fields[0].a\\u202eb: unknown key"),
-        (
-            BASE + "".join(f"[views.v{i}]\n" for i in range(9)),
-            "p.toml:13: views.v8: more than 8 views",
-        ),
+        (BASE + "[thresholds.temp]\nA={high=1}\n", ":5: thresholds.temp: unknown field 'temp'"),
+        (BASE + "[thresholds.pos]\nC={high=1}\n", ":6: thresholds.pos.C: unknown label 'C'"),
+        (BASE + "[thresholds.pos]\nA={}\n", ":6: thresholds.pos.A: give low, high or both"),
+        (BASE + "[thresholds.pos]\nA={low=2,high=1}\n", ":6: thresholds.pos.A: low 2 is not below high 1"),
+        (BASE + "[tolerance]\nC=1\n", ":6: tolerance.C: unknown joint 'C'"),
+        (BASE + "deadband=1e7\n", ":5: fields.pos.deadband: must be at most 1e+06, not 1e+07"),
+        (BASE + "scale=1e-13\n", ":5: fields[0].scale: must lie between 1e-12 and 1e12"),
+        (BASE + "scale=" + "9" * 350 + "\n", ":5: fields.pos.scale: must be a number, not 99999"),
+        (BASE + "scale=1e999\n", ":5: fields.pos.scale: must be a number, not inf"),
+        (BASE + "scale=" + "9" * 5000 + "\n", ":5: a number of more than 400 digits"),
+        (BASE + "x=" + "[" * 20000 + "\n", ": nested too deep"),
+        (BASE + "x=" + "[" * 200 + "]" * 200 + "\n", ":5: fields[0].x: unknown key"),
+        (BASE + "a." * 40 + "b=1\n", ":5: a key of more than 32 parts"),
+        (BASE + "unit=[1]\n", ":5: fields.pos.unit: unknown unit [1]"),
+        (BASE + "labels=5\n", ":5: fields.pos.labels: must be a list of texts"),
+        (BASE + "rel=['ref']\n", ":5: fields.pos.rel: ['ref'] is not an earlier field"),
+        (BASE + "scale=1979-05-27\n", ":5: fields.pos.scale: must be a number, not datetime.date"),
+        (BASE + "x=9999-99-99\n", ": "),
+        (BASE + f"[names]\nA='{'x' * 300}'\n", ":6: names.A: must be a text of 1 to 200 characters"),
+        (BASE + "'a\\u202eb'=1\n", ":5: fields[0].a\\u202eb: unknown key"),
+        (BASE + "".join(f"[views.v{i}]\n" for i in range(9)), ":13: views.v8: more than 8 views"),
         (
             BASE + "".join(f"[[fields]]\nname='f{i}'\nlabels='joint'\n" for i in range(3000)),
-            "p.toml:6146: fields[2048]: more than 4096 channels in all",
+            ":6146: fields[2048]: more than 4096 channels in all",
         ),
         (
             BASE
             + "[joints]\n"
             + "".join(f"j{i}.terms=[['j{i + 1}',1]]\n" for i in range(5000))
             + "j5000.terms=[['A',1]]\n",
-            "p.toml:6: joints.j0: a chain of more than 32 joints that follow one another",
+            ":6: joints.j0: a chain of more than 32 joints that follow one another",
         ),
         (
             BASE + "[trajectory]\ncolumns=['A']\nrate_hz=1\nheader=-1\n",
-            "p.toml:8: trajectory.header: must be an integer from",
+            ":8: trajectory.header: must be an integer from",
         ),
-        (BASE + "[ros]\ndomain=true\n", "p.toml:6: ros.domain: must be an integer from 0 to 232, not True"),
-        (BASE + "[names]\nC='c'\n", "p.toml:6: names.C: unknown channel or site 'C'"),
-        (BASE + "[names]\nA=''\n", "p.toml:6: names.A: must be a text"),
-        (BASE + "[names.ko]\nC='c'\n", "p.toml:6: names.ko.C: unknown channel or site 'C'"),
-        (BASE + "[names.ko]\nA=' '\n", "p.toml:6: names.ko.A: must not be blank, not ' '"),
-        (BASE + "[names.ko]\nA=5\n", "p.toml:6: names.ko.A: must be a text, not 5"),
-        (BASE + "[names]\nA.x='y'\n", "p.toml:6: names.A: must be a language tag, such as en or ko"),
+        (BASE + "[ros]\ndomain=true\n", ":6: ros.domain: must be an integer from 0 to 232, not True"),
+        (BASE + "[names]\nC='c'\n", ":6: names.C: unknown channel or site 'C'"),
+        (BASE + "[names]\nA=''\n", ":6: names.A: must be a text"),
+        (BASE + "[names.ko]\nC='c'\n", ":6: names.ko.C: unknown channel or site 'C'"),
+        (BASE + "[names.ko]\nA=' '\n", ":6: names.ko.A: must not be blank, not ' '"),
+        (BASE + "[names.ko]\nA=5\n", ":6: names.ko.A: must be a text, not 5"),
+        (BASE + "[names]\nA.x='y'\n", ":6: names.A: must be a language tag, such as en or ko"),
         (
             BASE + "[names]\n" + "".join(f"a{chr(97 + i)}.A='x'\n" for i in range(17)),
-            "p.toml:22: names.aq: more than 16 languages",
+            ":22: names.aq: more than 16 languages",
         ),
-        (BASE + "[trajectory]\ncolumns=['A']\n", "p.toml:5: trajectory.rate_hz: must be a number, not None"),
-        (BASE + "[trajectory]\ncolumns=['C']\nrate_hz=1\n", "p.toml:6: trajectory.columns[0]: unknown"),
+        (BASE + "[trajectory]\ncolumns=['A']\n", ":5: trajectory.rate_hz: must be a number, not None"),
+        (BASE + "[trajectory]\ncolumns=['C']\nrate_hz=1\n", ":6: trajectory.columns[0]: unknown"),
     ],
 )
 def test_a_mistake_is_named_with_file_and_place(text: str, message: str) -> None:
     with pytest.raises(ProfileError) as caught:
         parse_profile(text, "p.toml")
-    assert str(caught.value).startswith(message)
+    assert str(caught.value).startswith("p.toml" + message)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 700
 
@@ -354,3 +340,146 @@ def test_a_profile_that_comes_along_is_found_by_its_name(tmp_path: Path) -> None
         ProfileError, match=r"No such file.*built-in profiles: arm, demo, drchubo, g1, hubo2plus"
     ):
         load_profile(find_profile("hubo3"))
+
+
+# --- everything that is wrong with a profile is told at once
+
+WRONG = """\
+[labels]
+joint = ["hip", "knee"]
+
+[[fields]]
+name = "pos"
+unit = "radd"
+deadband = -1
+
+[[fields]]
+name = "flags"
+labels = "joint"
+bits = ["over", "over"]
+
+[sensors]
+imu = { kind = "imo", xyz = [0, "a", 0] }
+
+[severity.flags]
+over = "bad"
+
+[thresholds.pos]
+knee = { warning = 1 }
+
+[tolerance]
+kne = 0.1
+"""
+PLACES = [
+    "fields.flags.bits[1]",
+    "fields.pos.deadband",
+    "fields.pos.unit",
+    "sensors.imu.kind",
+    "thresholds.pos.knee.warning",
+    "tolerance.kne",
+]
+
+
+def errors(text: str) -> list[str]:
+    """All lines, without the file's name."""
+    with pytest.raises(ProfileError) as caught:
+        parse_profile(text, "p")
+    return [line.removeprefix("p:") for line in caught.value.lines]
+
+
+def test_all_of_them_with_their_lines() -> None:
+    places = [line.partition(": ")[2].partition(": ")[0] for line in errors(WRONG)]
+    assert sorted(places) == PLACES
+    lines = {line.partition(": ")[2].partition(": ")[0]: line.partition(":")[0] for line in errors(WRONG)}
+    assert (lines["fields.pos.unit"], lines["fields.pos.deadband"], lines["tolerance.kne"]) == (
+        "6",
+        "7",
+        "24",
+    )
+
+
+def test_what_only_follows_is_not_told() -> None:
+    text = WRONG.replace('unit = "radd"\ndeadband = -1\n', "").replace("imo", "imu").replace('"a"', "0")
+    assert [line for line in errors(text) if "severity" in line] == []
+
+
+@pytest.mark.parametrize("text", ["", "fields = 3", "[[fields]]", "[[fields]]\nname = 1", "fields = [1]"])
+def test_where_nothing_can_be_taken_out_one_is_all(text: str) -> None:
+    assert len(errors(text)) == 1
+
+
+def test_there_is_an_end() -> None:
+    text = "[[fields]]\nname = 'x'\n" + "".join(f"key{n} = 1\n" for n in range(100))
+    assert len(errors(text)) == ERRORS_MAX
+    assert len(errors(text + "#" * READ_BYTES_MAX)) == 1
+
+
+def test_the_commands_print_each(tmp_path: Path) -> None:
+    profile = tmp_path / "robot.toml"
+    profile.write_text(WRONG)
+    told = {
+        run_edge(*argv, "--profile", str(profile)).stderr
+        for argv in (
+            ("doctor",),
+            ("probe", "demo"),
+            ("run", "--robot", "r", "--source", "demo", "--relay", "tcp/a:1"),
+        )
+    }
+    assert len(told) == 1
+    assert [line.startswith(f"posecast-edge: {profile}:") for line in told.pop().splitlines()] == [
+        True
+    ] * len(PLACES)
+
+
+# --- joint mapping
+
+
+def joint(*terms: tuple[str, float], offset: float = 0.0) -> JointMap:
+    return JointMap(terms, offset)
+
+
+def test_a_joint_that_follows_a_joint_ends_at_channels() -> None:
+    entries = {
+        "k3": joint(("k2", 0.5), offset=0.25),
+        "k1": joint(("M", 2.0), offset=1.0),
+        "k2": joint(("k1", 3.0), ("N", 1.0)),
+    }
+    assert resolve_entries(entries, ["M", "N"]) == {
+        "k3": joint(("M", 3.0), ("N", 0.5), offset=1.75),
+        "k1": joint(("M", 2.0), offset=1.0),
+        "k2": joint(("M", 6.0), ("N", 1.0), offset=3.0),
+    }
+
+
+def test_a_name_that_is_both_means_the_channel() -> None:
+    entries = {"A": joint(("A", 1.0), offset=0.5), "B": joint(("A", 1.0), ("C", 1.0))}
+    assert resolve_entries(entries, ["A", "C"]) == entries
+
+
+def test_differential_drives_share_channels() -> None:
+    entries = {"pitch": joint(("L", 1.0), ("R", 1.0)), "roll": joint(("L", -1.0), ("R", 1.0))}
+    assert resolve_entries(entries, ["L", "R"]) == entries
+
+
+@pytest.mark.parametrize(
+    ("entries", "where", "reason"),
+    [
+        ({"a": joint(("x", 1.0))}, ("a", 0), "unknown joint 'x'"),
+        ({"a": joint(("a", 1.0))}, ("a", None), "a loop: a → a"),
+        (
+            {"a": joint(("b", 1.0)), "b": joint(("c", 1.0), ("M", 1.0)), "c": joint(("b", 1.0))},
+            ("b", None),
+            "a loop: b → c → b",
+        ),
+        (
+            {"a": joint(("M", 1.0)), "b": joint(("M", -1.0))},
+            ("b", 0),
+            "channel 'M' already moves joint 'a'; for a joint that moves with it, use 'a' as the term",
+        ),
+    ],
+)
+def test_what_cannot_be(entries: dict[str, JointMap], where: tuple[str, int | None], reason: str) -> None:
+    with pytest.raises(TermError) as caught:
+        resolve_entries(entries, ["M"])
+    assert (caught.value.joint, caught.value.term) == where
+    assert caught.value.reason == reason

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 from command_stage import run_edge
+from model_stage import SHARED
 from posecast_edge.cli.profile_new import make_profile_text, split_name
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.profile.reader import load_profile, parse_profile
 from posecast_wire.schema import SensorMount
-from shared_stage import SHARED
 from test_profiles import DRC_URDF, G1_URDF, HUBO_URDF
 from test_source_doctor import URDF
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from demo_stage import Floats, Skeleton, joint_angles
+from model_stage import ROBOTS, SHARED
 from posecast_edge.profile.reader import load_profile
 from posecast_edge.sources import demo
 from posecast_edge.sources.files.trajectory import TrajectorySource
 from posecast_edge.sources.registry import open_source
-from shared_stage import ROBOTS, SHARED
 
 PROFILES = demo.PROFILE.parent
 HUBO_URDF = SHARED / "robots" / ROBOTS["hubo2plus-collision"]

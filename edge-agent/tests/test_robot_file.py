@@ -10,7 +10,7 @@ from model_stage import cube_stl, link, mesh, nothing, robot
 from posecast_edge.model.builder.build import build_model
 from posecast_edge.model.finding import ModelRefused, advise_mesh_tools
 from posecast_edge.model.meshes.mesh import Mesh
-from posecast_edge.model.meshes.stl import read_stl
+from posecast_edge.model.meshes.reader import read_stl
 from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
 from posecast_edge.model.serve.background import BackgroundBuild
 from posecast_edge.model.urdf.resolver import Resolver

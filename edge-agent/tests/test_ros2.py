@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import logging
 import math
 import random
-import re
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 import zenoh
 from command_stage import run_edge
 from edge_stage import ROBOT, Edge, Router
-from posecast_edge.sample import SourceError
-from posecast_edge.sources.registry import open_source
 from posecast_edge.sources.ros import ros2 as ros2_module
 from posecast_edge.sources.ros.messages import (
     BATTERY,
@@ -31,9 +27,16 @@ from posecast_edge.sources.ros.messages import (
     TF,
     WRENCH,
 )
-from posecast_edge.sources.ros.ros2 import Inbox
+from posecast_edge.sources.ros.ros2 import (
+    BRIDGE_TOKENS,
+    Found,
+    Inbox,
+    make_data_key,
+    make_token_key,
+    match_data_key,
+    match_token_key,
+)
 from posecast_testing import until
-from posecast_wire.command_line.installation import advise_extra
 from ros_stage import (
     Graph,
     battery,
@@ -63,13 +66,6 @@ KNEE = """<robot name="leg">
 <link name="shank"/>
 <joint name="knee" type="revolute"><parent link="thigh"/><child link="shank"/>
 <limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
-
-
-@pytest.fixture
-def graph() -> Iterator[Graph]:
-    g = Graph().start()
-    yield g
-    g.stop()
 
 
 def joints(graph: Graph, topic: str = "/joint_states") -> Callable[[float], None]:
@@ -191,10 +187,7 @@ def test_only_one_robot_of_several(graph: Graph, listen: Listen, moving: Move) -
 
 
 def test_bad_payloads_are_told_and_the_good_ones_go_on(
-    graph: Graph,
-    listen: Listen,
-    moving: Move,
-    caplog: pytest.LogCaptureFixture,
+    graph: Graph, listen: Listen, moving: Move, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "posecast_edge")
     good = joint_state(1.0, NAMES, [1.0, 2.0], [0.1, 0.2])
@@ -291,10 +284,7 @@ def test_a_robot_that_is_not_there_yet(caplog: pytest.LogCaptureFixture) -> None
 
 
 def test_stamps_that_stand_still_are_silence(
-    graph: Graph,
-    listen: Listen,
-    moving: Move,
-    caplog: pytest.LogCaptureFixture,
+    graph: Graph, listen: Listen, moving: Move, caplog: pytest.LogCaptureFixture
 ) -> None:
     heard = listen(graph.source, PROFILE)
     moving(50, lambda t: graph.publish("/joint_states", JOINT_STATE, joint_state(5.0, NAMES, [t, 2.0])))
@@ -376,30 +366,59 @@ def test_probe_lists_the_topics_and_doctor_holds_them_against_the_description(
     )
 
 
-@pytest.mark.parametrize(
-    "address", ["host name", "host:99999", "tcp/127.0.0.1:7447", "://x", "host/a b", "host:7447/a//b"]
-)
-def test_addresses_that_are_none(address: str) -> None:
-    with pytest.raises(SourceError, match="is not an address"):
-        open_source(f"ros2:{address}", None)
+# --- keys and tokens of rmw_zenoh and zenoh-bridge-ros2dds
+
+HASH = "RIHS01_" + "ab" * 32
+DDS = "sensor_msgs::msg::dds_::JointState_"
+TOKEN = f"@ros2_lv/0/aac3178e/0/12/MP/%/%r1/talker/%r1%joint_states/{DDS}/{HASH}/::,10:,:,:,,"
+BRIDGE = "@/b2f1/@ros2_lv/MP/r1§joint_states/sensor_msgs§msg§JointState/:::,10"
+
+
+@pytest.mark.parametrize("of_type", [HASH, "TypeHashNotSupported"])
+def test_data(of_type: str) -> None:
+    assert match_data_key(f"0/r1/arm/joint_states/{DDS}/{of_type}") == Found(
+        "/r1/arm/joint_states", JOINT_STATE
+    )
+    assert match_data_key(f"42/joint_states/{DDS}/{of_type}") == Found("/joint_states", JOINT_STATE)
+
+
+@pytest.mark.parametrize("key", ["", "joint_states", "a/b/c/d", f"x/joint_states/{DDS}/{HASH}", "0/a/b/c"])
+def test_what_is_no_data(key: str) -> None:
+    assert match_data_key(key) is None
+
+
+def test_tokens() -> None:
+    assert match_token_key(TOKEN) == Found("/r1/joint_states", JOINT_STATE)
+    assert match_token_key(BRIDGE) == Found("/r1/joint_states", JOINT_STATE, "r1/joint_states")
 
 
 @pytest.mark.parametrize(
-    ("address", "description"),
+    "key",
     [
-        ("", "ros2 localhost:7447"),
-        (":robot", "ros2 robot:7447"),
-        ("://robot", "ros2 robot:7447"),
-        ("://robot:1234/r1/", "ros2 robot:1234/r1"),
-        (":[::1]:1234", "ros2 [::1]:1234"),
+        TOKEN.replace("/MP/", "/MS/"),
+        TOKEN.replace("/::,", "/x/::,"),
+        BRIDGE.replace("/MP/", "/MS/"),
+        "@ros2_lv",
+        "@/a/b",
+        "",
     ],
 )
-def test_addresses(address: str, description: str) -> None:
-    assert open_source(f"ros2{address}", None).description == description
+def test_what_is_no_publisher(key: str) -> None:
+    assert match_token_key(key) is None
 
 
-def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    advice = re.escape(advise_extra("posecast-edge", "ros"))
-    with pytest.raises(SourceError, match=f"^ros2: its decoder is not installed; {advice}$"):
-        open_source("ros2", None)
+def test_patterns_meet_the_keys_they_are_for() -> None:
+    def meets(pattern: str, key: str) -> bool:
+        return zenoh.KeyExpr(pattern).intersects(zenoh.KeyExpr(key))
+
+    data = f"0/r1/joint_states/{DDS}/{HASH}"
+    for pattern in ("/**", "/r1/**", "/r1/joint_states", "/*/joint_states", "/r*/joint_*"):
+        assert meets(make_data_key(pattern, JOINT_STATE, None), data), pattern
+    for pattern in ("/r2/**", "/joint_states", "/*"):
+        assert not meets(make_data_key(pattern, JOINT_STATE, None), data), pattern
+    assert meets(make_data_key("/**", JOINT_STATE, 0), data)
+    assert not meets(make_data_key("/**", JOINT_STATE, 1), data)
+    assert not meets(make_data_key("/**", "sensor_msgs/Imu", None), data)
+    assert meets(make_token_key(None), TOKEN)
+    assert not meets(make_token_key(3), TOKEN)
+    assert meets(BRIDGE_TOKENS, BRIDGE)

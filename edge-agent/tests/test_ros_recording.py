@@ -18,6 +18,7 @@ from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.playback import Player
 from posecast_edge.sources.registry import open_source
+from recording_parsers import ros1_part as part
 
 pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
 
@@ -161,10 +162,6 @@ def test_a_bag_that_was_never_closed_plays_as_far_as_it_goes(
 def fields(**named: bytes) -> bytes:
     parts = [key.encode() + b"=" + value for key, value in named.items()]
     return b"".join(struct.pack("<I", len(part)) + part for part in parts)
-
-
-def part(data: bytes) -> bytes:
-    return struct.pack("<I", len(data)) + data
 
 
 def chunk(compression: bytes, size: int, data: bytes) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import logging
 import re
@@ -13,12 +12,9 @@ from typing import Any
 
 import cbor2
 import pytest
-from posecast_edge.sample import SourceError
-from posecast_edge.sources.registry import open_source
 from posecast_edge.sources.ros import rosbridge as rosbridge_module
 from posecast_edge.sources.ros.messages import DIAGNOSTICS, JOINT_STATE
 from posecast_testing import free_port, until
-from posecast_wire.command_line.installation import advise_extra
 from rosbridge_stage import Rosbridge, joint_state, ros_1, ros_2
 from source_stage import Listen, Move, Mover, flood
 from websockets.utils import accept_key
@@ -135,9 +131,7 @@ def test_fragments(bridge: Callable[..., Rosbridge], listen: Listen, moving: Mov
 
 
 def test_a_server_that_dies_and_comes_back(
-    bridge: Callable[..., Rosbridge],
-    listen: Listen,
-    caplog: pytest.LogCaptureFixture,
+    bridge: Callable[..., Rosbridge], listen: Listen, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, "posecast_edge")
     port = free_port()
@@ -194,10 +188,7 @@ def test_what_the_server_says_on_parting_is_told_once(
 
 
 def test_nonsense_is_told_and_the_rest_goes_on(
-    bridge: Callable[..., Rosbridge],
-    listen: Listen,
-    moving: Move,
-    caplog: pytest.LogCaptureFixture,
+    bridge: Callable[..., Rosbridge], listen: Listen, moving: Move, caplog: pytest.LogCaptureFixture
 ) -> None:
     server = bridge()
     heard = listen(server.source, PROFILE)
@@ -270,10 +261,7 @@ def test_without_rosapi_topics_are_asked_for_by_name(
 
 
 def test_a_topic_that_appears_later(
-    bridge: Callable[..., Rosbridge],
-    listen: Listen,
-    moving: Move,
-    monkeypatch: pytest.MonkeyPatch,
+    bridge: Callable[..., Rosbridge], listen: Listen, moving: Move, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rosbridge_module, "LOOK_S", (0.3, 10.0))
     server = bridge({})
@@ -341,29 +329,3 @@ def test_of_a_flood_the_newest_arrives(bridge: Callable[..., Rosbridge], listen:
     until("a subscription", lambda: server.subscribed == {"/joint_states"})
     stamps = flood(lambda t_s: server.publish("/joint_states", joint_state(t_s, names, [1.0] * 40)), heard)
     until("the newest", lambda: heard.samples[-1].t_s == pytest.approx(stamps[-1], abs=1e-6), 20)
-
-
-@pytest.mark.parametrize("address", ["", "host name", "host:99999", "http://host", "host?x=1"])
-def test_addresses_that_are_none(address: str) -> None:
-    with pytest.raises(SourceError, match="is not an address"):
-        open_source(f"rosbridge:{address}", None)
-
-
-@pytest.mark.parametrize(
-    ("address", "url"),
-    [
-        ("robot", "ws://robot:9090"),
-        ("//robot:80/ros", "ws://robot:80/ros"),
-        ("ws://[::1]", "ws://[::1]:9090"),
-        ("wss://robot.example/ros", "wss://robot.example:443/ros"),
-    ],
-)
-def test_addresses(address: str, url: str) -> None:
-    assert open_source(f"rosbridge:{address}", None).description == f"rosbridge {url}"
-
-
-def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    advice = re.escape(advise_extra("posecast-edge", "ros"))
-    with pytest.raises(SourceError, match=f"rosbridge needs .*: {advice}"):
-        open_source("rosbridge:robot", None)

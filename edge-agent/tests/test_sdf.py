@@ -322,14 +322,7 @@ def test_includes_that_never_end(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "uri",
-    [
-        "/etc/passwd",
-        "../outside.sdf",
-        "file:///etc/passwd",
-        "https://h/model",
-        "model://..",
-        "link.sdf",
-    ],
+    ["/etc/passwd", "../outside.sdf", "file:///etc/passwd", "https://h/model", "model://..", "link.sdf"],
 )
 def test_includes_stay_in_the_model_s_folders(uri: str, tmp_path: Path) -> None:
     written(tmp_path, "outside.sdf", sdf(model(link("secret"))))

@@ -10,15 +10,22 @@ import numpy as np
 import pytest
 from model_stage import CUBE_CORNERS, CUBE_FACES, cube_stl
 from PIL import Image
-from posecast_edge.model.builder.quantise import make_grid, pack_part
-from posecast_edge.model.builder.simplify import FINEST, LARGEST, STEP, LodChain, count_rungs
+from posecast_edge.model.builder.mesh_coder import (
+    FINEST,
+    LARGEST,
+    STEP,
+    LodChain,
+    count_rungs,
+    drop_duplicate_faces,
+    drop_unused_vertices,
+    weld_vertices,
+)
+from posecast_edge.model.builder.quantise import compute_crease_normals, make_grid, pack_part
 from posecast_edge.model.builder.thumbnail import aim_camera, draw_thumbnail, draw_triangles, encode_png
 from posecast_edge.model.meshes.mesh import Surface
-from posecast_edge.model.meshes.normals import compute_crease_normals
 from posecast_edge.model.meshes.primitives import tessellate
-from posecast_edge.model.meshes.stl import read_stl
+from posecast_edge.model.meshes.reader import read_stl
 from posecast_edge.model.meshes.texture import compute_mean_colour, fit_picture
-from posecast_edge.model.meshes.weld import drop_duplicate_faces, drop_unused_vertices, weld_vertices
 
 RUNGS = count_rungs([2.0], 2.0)
 CUBE = Surface(CUBE_CORNERS, CUBE_FACES.astype(np.int32))

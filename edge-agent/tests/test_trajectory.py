@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from posecast_edge.profile.reader import ProfileError, parse_profile
-from posecast_edge.profile.types import Profile
+from posecast_edge.profile.types import Columns, FieldSpec, Profile, find_column
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.trajectory import MAX_LINE, RowError, TrajectorySource, parse_row
 from posecast_edge.sources.registry import open_source
@@ -200,3 +200,36 @@ def test_200_hz_in_real_time(tmp_path: Path) -> None:
 def test_a_byte_order_mark_is_passed_over(tmp_path: Path) -> None:
     marked = advance(source(tmp_path, "\ufeff1 2 3\n"), 0.5)
     assert marked == advance(source(tmp_path, "1 2 3\n"), 0.5)
+
+
+# --- columns
+
+FIELDS = (
+    FieldSpec("pos", "joint", ("A", "B")),
+    FieldSpec("ref", "joint", ("A", "C")),
+    FieldSpec("baseq", "baseq", ("base.w", "base.x")),
+    FieldSpec("ftf", "ftf", ("LF.fz", "RF.fz")),
+    FieldSpec("volt", "volt", ("main",)),
+)
+
+
+@pytest.mark.parametrize(
+    ("column", "where"),
+    [
+        ("A", ("ref", 0)),
+        ("C", ("ref", 1)),
+        ("B", None),  # ref goes before pos
+        ("pos.B", ("pos", 1)),
+        ("baseq.w", ("baseq", 0)),
+        ("baseq.base.x", ("baseq", 1)),
+        ("ftf.fz", None),  # of which foot?
+        ("ftf.RF.fz", ("ftf", 1)),
+        ("volt.main", ("volt", 0)),
+        ("volt", ("volt", 0)),
+        ("amp.main", None),
+        ("", None),
+    ],
+)
+def test_where_a_column_goes(column: str, where: tuple[str, int] | None) -> None:
+    assert Columns(FIELDS).find(column) == where
+    assert find_column(FIELDS, column) == where

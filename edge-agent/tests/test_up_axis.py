@@ -11,7 +11,7 @@ from model_stage import cube_collada, joint, link, mesh, nothing, robot, written
 from posecast_edge.model.builder.build import Built, build_model
 from posecast_edge.model.meshes.mesh import UPRIGHT
 from posecast_edge.model.robot_file import load_robot_file
-from posecast_edge.model.serve.cache import Cache
+from posecast_edge.model.serve.bundle_dir import Cache
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.types import UP_AXIS_MODES
 

@@ -10,9 +10,8 @@ from typing import cast
 
 import pytest
 from posecast_edge.sources.hubo import ach_shm
-from posecast_edge.sources.hubo.ach_shm import AchChannel, ShmReader
+from posecast_edge.sources.hubo.ach_shm import LOOKS_HZ, AchChannel, ShmReader
 from posecast_edge.sources.hubo.reconnecting import WAIT_S
-from posecast_edge.sources.hubo.writer_clock import LOOKS_HZ
 
 KEEPS = 7  # frames, as a Hubo's channel does
 WAKING_S = 80e-6  # what it takes to wake up and look

@@ -13,7 +13,7 @@ from posecast_edge.cli.settings import UsageError, parse_settings
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.robot_file import find_format, load_robot_file
 from posecast_edge.model.xacro import child, expander
-from posecast_edge.model.xacro.expressions import ExpressionRefused, evaluate_expression
+from posecast_edge.model.xacro.child import ExpressionRefused, evaluate_expression
 from posecast_wire.command_line.installation import advise_extra
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'

@@ -20,8 +20,7 @@ from posecast_edge.model.meshes.collada import read_collada
 from posecast_edge.model.meshes.gltf import read_gltf
 from posecast_edge.model.meshes.mesh import Mesh, validate_mesh
 from posecast_edge.model.meshes.obj import read_obj
-from posecast_edge.model.meshes.stl import read_stl
-from posecast_edge.model.meshes.vertex_colour import split_all_by_colour
+from posecast_edge.model.meshes.reader import read_stl, split_all_by_colour
 from posecast_edge.model.sdf.reader import load_sdf, read_sdf
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver

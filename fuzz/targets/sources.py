@@ -22,7 +22,7 @@ from posecast_edge.sources.files.csv import Table
 from posecast_edge.sources.files.ros_recording import RosRecording
 from posecast_edge.sources.files.trajectory import open_source as open_trajectory
 from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError
-from posecast_edge.sources.hubo.achd_protocol import AchdParser, AchdProtocolError
+from posecast_edge.sources.hubo.achd import AchdParser, AchdProtocolError
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 from posecast_edge.sources.jsonl import LineError, parse_line
 from posecast_edge.sources.ros.cdr import CdrReader
@@ -205,7 +205,7 @@ def ros_message(name: str, message: object) -> None:
     if name == TF:
         tree = TransformTree(("odom", "base_link"), hear)
         for at_s in (1.0, 7.0):
-            tree.take_message(message, False, at_s)
+            tree.take_transforms(read_transforms(message)[0], False, at_s)
             tree.check_time(at_s)
         tree.list_frames()
         joints = JointFrames(hear)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import dis
 from types import CodeType
 
-from posecast_edge.model.xacro.expressions import ExpressionRefused, compile_expression
+from posecast_edge.model.xacro.child import ExpressionRefused, compile_expression
 
 from fuzz.target import Differs, Target
 

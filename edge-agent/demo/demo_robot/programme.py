@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from demo_robot.gait import Gait, Step, plan, stance, walk
+from demo_robot.gait import Gait, Keys, Step, plan, stance, track, walk, window
 from demo_robot.shapes import Floats
-from demo_robot.tracks import Keys, track, window
 
 PERIOD_S = 60.0
 

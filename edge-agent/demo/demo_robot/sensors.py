@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from demo_robot import dynamics, motion, wrenches
+from demo_robot import dynamics, motion
 from demo_robot.dynamics import GRAVITY
 from demo_robot.kinematics import quaternion
 from demo_robot.masses import Inertial
@@ -128,7 +128,7 @@ def _wrenches(
 ) -> dict[str, Floats]:
     """Forces and moments on each sensor in its link's axes: fx fy fz mx my mz."""
     sigma = {"H": (0.12, 0.012), "F": (0.8, 0.05)}
-    felt = wrenches.feel(body, m.gait, m.effort_lost, inertials, RATE_HZ)
+    felt = motion.feel(body, m.gait, m.effort_lost, inertials, RATE_HZ)
     return {site: v + noise.normal(0, 1, v.shape) * np.repeat(sigma[site[1]], 3) for site, v in felt.items()}
 
 

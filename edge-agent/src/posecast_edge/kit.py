@@ -159,19 +159,20 @@ def kind_of(text: str) -> str:
 
 
 class OnceLog:
-    """Logs each thing once and does not count it again."""
+    """Logs each thing once and does not count it again; at most `most` things. `noun`: what they are."""
 
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
+    def __init__(self, say: Callable[[str], None], most: int | None = None, noun: str = "ones") -> None:
+        self._say, self._most, self._noun = say, most, noun
         self._logged: set[str] = set()
 
     def add(self, text: str, part: str = "") -> None:
         """Log `text`, unless its `part` has been logged before: what stays the same if the text shows values
         that change; by default, what precedes its first colon."""
         part = part or text.partition(":")[0]
-        if part not in self._logged:
+        if part not in self._logged and len(self._logged) != self._most:
             self._logged.add(part)
-            self._say(make_visible(text))
+            more = f"; further {self._noun} are not logged" if len(self._logged) == self._most else ""
+            self._say(make_visible(f"{text}{more}"))
 
     def has_logged(self, part: str) -> bool:
         """Whether a text of this part has been logged."""

@@ -16,7 +16,7 @@ const FAR = 1e7;
 /** A bone shorter than this (metres) is not drawn. */
 const LEAST = 1e-6;
 /** Half a bone's thickness, the radius of a joint's disc, and the minimum of both: as fractions of the bone's length, and of the
- *  longest path from the root to a tip. The edge has the same (posecast_edge/model/builder/bones.py). */
+ *  longest path from the root to a tip. The edge has the same (posecast_edge/model/builder/visuals.py). */
 const [THICK, THICK_MAX] = [0.09, 0.016];
 const [WIDE, WIDE_MAX] = [0.16, 0.024];
 const THIN = 0.003;

@@ -12,17 +12,15 @@ from posecast_wire.schema import JOINT, JointMap
 
 from posecast_edge.cli.source_stats import POSITION, WAIT_S, ChannelStats, SourceStats
 from posecast_edge.kit import many
-from posecast_edge.model.finding import Finding, quote_name, sort_by_severity
-from posecast_edge.model.urdf.types import Joint, Urdf
+from posecast_edge.model.finding import Finding, quote_name, quote_names, sort_by_severity
+from posecast_edge.model.urdf.types import SCALAR_TYPES, Joint, Urdf
 from posecast_edge.profile.defaults import guess_unit
 from posecast_edge.profile.types import FieldSpec, Profile
 
-MOVING = ("revolute", "continuous", "prismatic")
 SLACK = 0.02  # rad or m past a limit that is not reported: encoders and servos overshoot
 GAP_S = 0.5
 CLOCK_OFF = 0.05  # of a second per second
 CLOCKS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-SHOWN = 6  # names in one line
 
 
 def examine_source(seen: SourceStats, urdf: Urdf | None, hz: float, given: bool = True) -> list[Finding]:
@@ -88,7 +86,7 @@ def _units(seen: SourceStats, profile: Profile, urdf: Urdf | None) -> Iterator[F
             by_doubt.setdefault(guess_unit(name, channels[label].largest) or "", []).append(label)
         for doubt, labels in by_doubt.items():
             most = max(channels[label].largest for label in labels)
-            text = f"{name} of {_names(labels)} reaches {most:.4g} {spec.unit}: are these {doubt}?"
+            text = f"{name} of {quote_names(labels)} reaches {most:.4g} {spec.unit}: are these {doubt}?"
             yield Finding("error", "unit", text)
     norms = seen.quaternions
     if norms.readings and (norms.low < 0.9 or norms.high > 1.1):
@@ -127,7 +125,7 @@ def _fields(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
             continue
         unknown = [label for label in channels if label not in spec.labels]
         if unknown:
-            text = f"{spec.name} has {_names(unknown)}, which the profile does not name"
+            text = f"{spec.name} has {quote_names(unknown)}, which the profile does not name"
             yield Finding("warning", "channel-unknown", text)
         yield from _bits(spec, channels)
 
@@ -137,7 +135,7 @@ def _bits(spec: FieldSpec, channels: dict[str, ChannelStats]) -> Iterator[Findin
         return
     seen_bits = sorted(set().union(*(c.bits for c in channels.values())) - set(spec.bits))
     if seen_bits:
-        text = f"{spec.name} has bits the profile does not name: {_names(seen_bits)}"
+        text = f"{spec.name} has bits the profile does not name: {quote_names(seen_bits)}"
         yield Finding("warning", "bit-unknown", text)
     largest = max((c.largest for c in channels.values()), default=0.0)
     if largest >= 1 << len(spec.bits):
@@ -176,7 +174,7 @@ def _sensors(seen: SourceStats, profile: Profile) -> Iterator[Finding]:
 
 
 def _joints(seen: SourceStats, profile: Profile, urdf: Urdf) -> Iterator[Finding]:
-    moving = {j.name: j for j in urdf.joints if j.type in MOVING}
+    moving = {j.name: j for j in urdf.joints if j.type in SCALAR_TYPES}
     spec = next((f for n in POSITION if (f := profile.find_field(n)) and n in seen.fields), None)
     if spec is None or spec.label_set != JOINT:
         yield Finding("error", "no-positions", "no pos and no ref for any joint: the body can't move")
@@ -197,7 +195,7 @@ def _joints(seen: SourceStats, profile: Profile, urdf: Urdf) -> Iterator[Finding
         yield Finding("warning", "channel-moves-nothing", text)
     dead = [x for x in labels if not reads(x) and (x in used or x in moving)]
     if dead:
-        text = f"no reading for {spec.name} of {_names(dead)}: that part of the body stays still"
+        text = f"no reading for {spec.name} of {quote_names(dead)}: that part of the body stays still"
         yield Finding("warning", "channel-dead", text)
     yield from _couplings(maps, labels, moving, dead)
     doubted = set(_doubted(spec.name, channels, profile, urdf))
@@ -214,8 +212,8 @@ def _couplings(
     for name, how in maps.items():
         missing = [c for c, _ in how.terms if c in dead]
         if len(how.terms) > 1 and missing:
-            needs = _names([c for c, _ in how.terms])
-            text = f"joint {quote_name(name)} needs {needs}; no reading for {_names(missing)}"
+            needs = quote_names([c for c, _ in how.terms])
+            text = f"joint {quote_name(name)} needs {needs}; no reading for {quote_names(missing)}"
             yield Finding("warning", "coupling-dead", text)
         for channel, gain in how.terms:
             if gain == 0:
@@ -266,12 +264,7 @@ def _fits(where: ChannelStats, factor: float, low: float, high: float) -> bool:
 
 
 def _the(what: str, names: Sequence[str]) -> str:
-    return f"{what}{'s' if len(names) > 1 else ''} {_names(names)}"
-
-
-def _names(names: Sequence[str]) -> str:
-    shown = ", ".join(quote_name(name) for name in names[:SHOWN])
-    return f"{shown} and {len(names) - SHOWN} more" if len(names) > SHOWN else shown
+    return f"{what}{'s' if len(names) > 1 else ''} {quote_names(names)}"
 
 
 def _times(number: int) -> str:

@@ -26,8 +26,7 @@ from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
 
 if TYPE_CHECKING:
-    from posecast_edge.model.serve.background import BackgroundBuild
-    from posecast_edge.model.serve.robot_description import DescribedModel
+    from posecast_edge.model.serve.background import BackgroundBuild, DescribedModel
 
 log = logging.getLogger("posecast_edge")
 
@@ -141,7 +140,7 @@ def _run(settings: Settings, console: Console) -> int:
         else:
             build = BackgroundBuild(urdf, raw, take_model, options)
     elif isinstance(source, Discovering) and not built:
-        from posecast_edge.model.serve.robot_description import DescribedModel  # noqa: PLC0415 - the agent stays small without it
+        from posecast_edge.model.serve.background import DescribedModel  # noqa: PLC0415 - the agent stays small without it
 
         build = DescribedModel(packages, agent.set_model, agent.expect_model, options)
         source.send_urdf_to(build.take_urdf)

@@ -27,12 +27,12 @@ from posecast_edge.model.finding import (
     ModelRefused,
     advise_mesh_tools,
     explain_coarser,
+    make_printable,
     quote_name,
 )
 from posecast_edge.model.moving_joints import list_moving_joints
 from posecast_edge.model.robot_file import RobotFile, find_format, load_robot_file
-from posecast_edge.model.serve.bundle_dir import MANIFEST, write_folder
-from posecast_edge.model.serve.cache import Cache, find_cache_folder
+from posecast_edge.model.serve.bundle_dir import MANIFEST, Cache, find_cache_folder, write_folder
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
@@ -257,7 +257,7 @@ def _report(path: Path, out: Path, manifest: Mapping[str, Any], program: str) ->
 
 
 def _print_finding(out: TextIO, finding: Finding, file: str) -> None:
-    line = _make_printable(finding.format_line(file))
+    line = make_printable(finding.format_line(file))
     style = SEVERITY_STYLES.get(finding.severity)
     if style is not None:
         severity = f": {finding.severity}: "
@@ -266,8 +266,4 @@ def _print_finding(out: TextIO, finding: Finding, file: str) -> None:
 
 
 def _print(out: TextIO, text: str) -> None:
-    print(_make_printable(text), file=out)
-
-
-def _make_printable(text: str) -> str:
-    return "".join(c if c.isprintable() else "�" for c in text)
+    print(make_printable(text), file=out)

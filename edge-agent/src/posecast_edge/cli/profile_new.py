@@ -19,11 +19,10 @@ from posecast_edge.cli.flags import add_robot_flags, list_packages
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.robot_file import load_robot_file
 from posecast_edge.model.urdf.tree import build_tree
-from posecast_edge.model.urdf.types import Joint, Urdf
+from posecast_edge.model.urdf.types import SCALAR_TYPES, Joint, Urdf
 from posecast_edge.profile.defaults import SLIDING
 from posecast_edge.profile.reader import ProfileError, parse_profile
 
-MOVING = ("revolute", "continuous", "prismatic")
 FREE = ("floating", "planar")
 SENSOR_KINDS = {"imu": "imu", "force_torque": "wrench"}  # of the URDF → of a profile
 SENSOR_FIELDS = {
@@ -96,7 +95,7 @@ def _units(joints: Iterable[str], unit: str) -> str:
 def make_profile_text(urdf: Urdf, file: str) -> str:
     """The profile as TOML text. Raises ModelRefused when the model has no movable joint."""
     tree = build_tree(urdf)
-    joints = [j for j in tree.joints if j.type in MOVING and j.mimic is None]
+    joints = [j for j in tree.joints if j.type in SCALAR_TYPES and j.mimic is None]
     if not joints:
         if any(j.type in FREE for j in tree.joints):
             raise ModelRefused("it has only floating and planar joints, and these have no single value")
@@ -198,10 +197,7 @@ def _mimics(joints: Sequence[Joint]) -> list[str]:
     found = [j for j in joints if j.mimic is not None]
     if not found:
         return []
-    return [
-        "",
-        f"# the model defines these as mimic joints: {', '.join(_text(j.name) for j in found)}",
-    ]
+    return ["", f"# the model defines these as mimic joints: {', '.join(_text(j.name) for j in found)}"]
 
 
 def _list(items: Sequence[str]) -> str:

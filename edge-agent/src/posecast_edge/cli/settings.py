@@ -65,33 +65,12 @@ class _Parser(CommandParser):
 
 
 def _robot(text: str) -> str:
-    try:
-        return check_name("robot", text)
-    except ValueError as e:
-        raise argparse.ArgumentTypeError(str(e)) from None
+    return check_name("robot", text)
 
 
 def _source(text: str) -> str:
-    try:
-        split_spec(text)
-    except SourceError as e:
-        raise argparse.ArgumentTypeError(str(e)) from None
+    split_spec(text)
     return text
-
-
-def _relay(text: str) -> str:
-    try:
-        return check_endpoint(text)
-    except ValueError as e:
-        raise argparse.ArgumentTypeError(str(e)) from None
-
-
-def _credential(text: str) -> Credential:
-    """From a file: everybody on the machine can read a secret on a command line."""
-    try:
-        return read_credential(text)
-    except ValueError as e:
-        raise argparse.ArgumentTypeError(str(e)) from None
 
 
 def _proof(args: argparse.Namespace) -> Credential | Certificate | None:
@@ -129,13 +108,14 @@ def _up_axis(text: str) -> str:
     return text
 
 
-def _naming_variable(variable: str, given: str, parse: Callable[[str], object]) -> Callable[[str], object]:
-    """Wrap `parse` so that its errors name the environment variable when the value comes from there."""
+def _explaining(parse: Callable[[str], object], variable: str, given: str | None) -> Callable[[str], object]:
+    """Wrap `parse` so that its errors are argparse's, and name the environment variable if the value was
+    `given` there."""
 
     def parsed(text: str) -> object:
         try:
             return parse(text)
-        except argparse.ArgumentTypeError as e:
+        except (argparse.ArgumentTypeError, ValueError, SourceError) as e:
             raise argparse.ArgumentTypeError(f"{e} [{variable}]" if text is given else str(e)) from None
 
     return parsed
@@ -166,7 +146,7 @@ def add_run_flags(
         given = environment.get(variable)
         parser.add_argument(
             f"--{name}",
-            type=_naming_variable(variable, given, parse) if given else parse,
+            type=_explaining(parse, variable, given),
             default=given if given else default,
             required=not given and name in required,
             metavar=name.upper().replace("-", "_"),
@@ -174,13 +154,10 @@ def add_run_flags(
         )
 
     flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; default: the credential's")
-    flag(
-        "source",
-        _source,
-        f"{SUCH}; kinds: {', '.join(KINDS)}",
-    )
-    flag("relay", _relay, "the relay: tls/HOST:PORT, or tcp/127.0.0.1:PORT on this machine")
-    flag("credential", _credential, "file with the line that `posecast-relay robots add` printed")
+    flag("source", _source, f"{SUCH}; kinds: {', '.join(KINDS)}")
+    flag("relay", check_endpoint, "the relay: tls/HOST:PORT, or tcp/127.0.0.1:PORT on this machine")
+    # a file: everybody on the machine can read a secret on a command line
+    flag("credential", read_credential, "file with the line that `posecast-relay robots add` printed")
     flag(
         "tls-cert",
         Path,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from posecast_wire.command_line.installation import advise_extra
@@ -54,13 +56,18 @@ class Finding:
         return f"{where}: {self.severity}: {self.text} [{self.code}]"
 
 
-def distrust_masses(findings: list[Finding], since: int) -> None:
-    """Turn the findings from `since` on about invalid numbers, all in one link's mass, centre and moments,
-    into reasons to show no balance."""
-    for i in range(since, len(findings)):
-        found = findings[i]
-        if found.code == "number":
-            findings[i] = replace(found, code="mass-number", text=f"{found.text}; {NO_BALANCE}")
+@contextmanager
+def distrust_masses(findings: list[Finding]) -> Iterator[None]:
+    """Turn the findings about invalid numbers that are added inside, all in one link's mass, centre and
+    moments, into reasons to show no balance."""
+    since = len(findings)
+    try:
+        yield
+    finally:
+        for i in range(since, len(findings)):
+            found = findings[i]
+            if found.code == "number":
+                findings[i] = replace(found, code="mass-number", text=f"{found.text}; {NO_BALANCE}")
 
 
 def sort_by_severity(findings: list[Finding]) -> list[Finding]:
@@ -74,6 +81,12 @@ def quote_name(name: str, longest: int = 80) -> str:
     length."""
     shown = make_printable(name[: longest + 1])
     return f"'{shown}'" if len(shown) <= longest else f"'{shown[:longest]}…'"
+
+
+def quote_names(names: Sequence[str], shown: int = 6) -> str:
+    """The first names, quoted for one line, and how many more there are."""
+    more = f" and {len(names) - shown} more" if len(names) > shown else ""
+    return ", ".join(map(quote_name, names[:shown])) + more
 
 
 def make_printable(text: str) -> str:

@@ -19,10 +19,7 @@ VARIABLES = {
     "prismatic": SCALAR,
     "fixed": (),
     "planar": (("x", 0.0), ("y", 0.0), ("theta", 0.0)),
-    "floating": (
-        *((f"trans_{c}", 0.0) for c in "xyz"),
-        *((f"rot_{c}", float(c == "w")) for c in "xyzw"),
-    ),
+    "floating": (*((f"trans_{c}", 0.0) for c in "xyz"), *((f"rot_{c}", float(c == "w")) for c in "xyzw")),
 }
 
 
@@ -88,12 +85,12 @@ def compute_motion(joint: Mapping[str, Any], q: Sequence[float]) -> Matrix:
     """The transform that a joint adds at `q`, the values of its variables (rad or m)."""
     kind, axis = joint["type"], joint["axis"]
     if kind in ("revolute", "continuous"):
-        return _turned((0.0, 0.0, 0.0), axis, q[0])
+        return turn_about((0.0, 0.0, 0.0), axis, q[0])
     if kind == "prismatic":
         return matrix_from_quaternion([q[0] * a for a in axis], (1.0, 0.0, 0.0, 0.0))
     if kind == "planar":
         u, v = joint["plane"]
-        return _turned([q[0] * u[i] + q[1] * v[i] for i in range(3)], axis, q[2])
+        return turn_about([q[0] * u[i] + q[1] * v[i] for i in range(3)], axis, q[2])
     if kind == "floating":
         x, y, z, w = q[3:]
         length = math.hypot(w, x, y, z)
@@ -102,7 +99,8 @@ def compute_motion(joint: Mapping[str, Any], q: Sequence[float]) -> Matrix:
     return identity()
 
 
-def _turned(xyz: Sequence[float], axis: Sequence[float], angle: float) -> Matrix:
+def turn_about(xyz: Sequence[float], axis: Sequence[float], angle: float) -> Matrix:
+    """A translation (metres), then a rotation by `angle` (radians) about a unit axis."""
     s = math.sin(angle / 2)
     return matrix_from_quaternion(xyz, (math.cos(angle / 2), *(s * a for a in axis)))
 

@@ -287,11 +287,7 @@ class Stream:
     """Encodes one view of one robot, with the channels of that view's profile."""
 
     def __init__(
-        self,
-        profile: Profile,
-        key_interval_s: float,
-        say: Callable[[str], None],
-        says_unknown: bool = True,
+        self, profile: Profile, key_interval_s: float, say: Callable[[str], None], says_unknown: bool = True
     ) -> None:
         """`say` is called with lines about bad input; `says_unknown`: also about names that the profile
         lacks. Raises SchemaError when the wire format can't carry the profile."""

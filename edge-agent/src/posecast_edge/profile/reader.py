@@ -40,7 +40,6 @@ from posecast_wire.schema import Mapping as Meaning
 
 from posecast_edge.kit import make_visible, quote
 from posecast_edge.profile.defaults import PLAIN, WELL_KNOWN
-from posecast_edge.profile.joint_mapping import TermError, resolve_entries
 from posecast_edge.profile.schema import make_schema_text
 from posecast_edge.profile.types import (
     BALANCE,
@@ -257,10 +256,7 @@ class ProfileReader(Values):
         item = self.check_table(value, where, keys)
         name = self.check_text(item.get("name"), f"{where}.name")
         if not FIELD_NAME.fullmatch(name):
-            self.fail(
-                f"{where}.name",
-                f"{quote(name)} must be letters, digits and _, no digit first",
-            )
+            self.fail(f"{where}.name", f"{quote(name)} must be letters, digits and _, no digit first")
         if name in before:
             self.fail(f"{where}.name", f"{name!r} is listed twice")
         self.field_paths[f"fields.{name}"] = where
@@ -288,13 +284,7 @@ class ProfileReader(Values):
         if len(bits) > BITS_MAX:
             self.fail(f"{where}.bits", f"{len(bits)} bits; at most {BITS_MAX}")
         unit = item.get("unit", default.unit)
-        known = frozenset(own) if "units" in item else ()
-        others = {
-            self.check_choice(label, known, "label", f"{where}.units.{label}"): self.check_unit(
-                u, f"{where}.units.{label}"
-            )
-            for label, u in self.check_table(item.get("units", {}), f"{where}.units").items()
-        }
+        others = self.check_entries(item.get("units", {}), f"{where}.units", own, "label", self.check_unit)
         if others:
             self.units[name] = others
         slow = item.get("slow", False)
@@ -393,25 +383,17 @@ class ProfileReader(Values):
         for name, entry in self.check_table(value, "severity").items():
             where = f"severity.{name}"
             bits = fields[self.check_choice(name, fields, "field", where)].bits
-            severities[name] = {
-                self.check_choice(bit, bits, "bit", f"{where}.{bit}"): cast(
-                    Severity,
-                    self.check_choice(
-                        self.check_text(word, f"{where}.{bit}"), SEVERITIES, "severity", f"{where}.{bit}"
-                    ),
-                )
-                for bit, word in self.check_table(entry, where).items()
-            }
+            severities[name] = self.check_entries(entry, where, bits, "bit", self._check_severity)
         return severities
 
+    def _check_severity(self, value: object, where: str) -> Severity:
+        return cast(Severity, self.check_choice(self.check_text(value, where), SEVERITIES, "severity", where))
+
     def build_tolerances(self, value: object, joint: Sequence[str]) -> dict[str, float]:
-        known = frozenset((*joint, ANY))
-        return {
-            self.check_choice(k, known, "joint", f"tolerance.{k}"): self.check_number(
-                v, f"tolerance.{k}", above=0
-            )
-            for k, v in self.check_table(value, "tolerance").items()
-        }
+        return self.check_entries(value, "tolerance", (*joint, ANY), "joint", self._check_positive)
+
+    def _check_positive(self, value: object, where: str) -> float:
+        return self.check_number(value, where, above=0)
 
     def build_thresholds(
         self, value: object, fields: Mapping[str, FieldSpec]
@@ -423,16 +405,11 @@ class ProfileReader(Values):
             where = f"thresholds.{name}"
             own = (MARGIN,) if name == BALANCE else ()
             if own and name not in fields:
-                labels = frozenset(own)
+                labels = own
             else:
                 field = fields[self.check_choice(name, fields, "field", where)]
-                labels = frozenset((*field.labels, ANY, *own))
-            thresholds[name] = {
-                self.check_choice(label, labels, "label", f"{where}.{label}"): self._build_limits(
-                    limits, f"{where}.{label}"
-                )
-                for label, limits in self.check_table(entry, where).items()
-            }
+                labels = (*field.labels, ANY, *own)
+            thresholds[name] = self.check_entries(entry, where, labels, "label", self._build_limits)
         return thresholds
 
     def _build_limits(self, value: object, where: str) -> Threshold:
@@ -587,13 +564,8 @@ class ProfileReader(Values):
         seen = self.check_unique_texts(item.get("fields", list(fields)), f"{where}.fields")
         for i, field_name in enumerate(seen):
             self.check_choice(field_name, fields, "field", f"{where}.fields[{i}]")
-        known = frozenset(seen)
-        scales = {
-            self.check_choice(k, known, "field of this view", f"{where}.scales.{k}"): self.check_number(
-                v, f"{where}.scales.{k}", above=0
-            )
-            for k, v in self.check_table(item.get("scales", {}), f"{where}.scales").items()
-        }
+        given, at = item.get("scales", {}), f"{where}.scales"
+        scales = self.check_entries(given, at, seen, "field of this view", self._check_positive)
         for k in scales:
             if fields[k].bits:
                 self.fail(f"{where}.scales.{k}", "a field of bits has no scale")
@@ -745,3 +717,80 @@ def _remove(document: dict[str, Any], path: str) -> str | None:
         return None
     del held[0][held[1]]
     return held[2]
+
+
+# --- [joints]: a term names a channel or, if there is no such channel, another entry: `knuckle2` may follow
+# `knuckle1`, like a mimic joint of a URDF. Schemas contain only channels, so such terms are replaced by
+# those of the entry they name
+
+DEPTH_MAX = 32  # length of a chain of joints that follow one another
+TERMS_MAX = 1 << 16  # of all joints, once resolved to channels
+
+
+class TermError(ValueError):
+    """An invalid entry. `joint`: the entry's name; `term`: index of the wrong term, None for the whole
+    entry."""
+
+    def __init__(self, joint: str, term: int | None, reason: str) -> None:
+        super().__init__(reason)
+        self.joint = joint
+        self.term = term
+        self.reason = reason
+
+
+def resolve_entries(entries: Mapping[str, JointMap], channels: Sequence[str]) -> dict[str, JointMap]:
+    """Express every entry in terms of channels, keeping the order.
+
+    Raises TermError for an unknown name, a cycle, two joints that use one channel, or entries beyond the
+    bounds above.
+    """
+    known = frozenset(channels)
+    owners: dict[str, str] = {}
+    for joint, entry in entries.items():
+        for i, (name, _) in enumerate(entry.terms):
+            if name not in known and name not in entries:
+                raise TermError(joint, i, f"unknown joint {name!r}")
+        if len(entry.terms) == 1 and entry.terms[0][0] in known:
+            channel = entry.terms[0][0]
+            if channel in owners:
+                reason = (
+                    f"channel {channel!r} already moves joint {owners[channel]!r}; "
+                    f"for a joint that moves with it, use {owners[channel]!r} as the term"
+                )
+                raise TermError(joint, 0, reason)
+            owners[channel] = joint
+    resolved: dict[str, JointMap] = {}
+    terms = 0
+    for joint in entries:
+        terms += len(_resolve(joint, entries, known, resolved, ()).terms)
+        if terms > TERMS_MAX:
+            raise TermError(joint, None, f"all joints together have more than {TERMS_MAX} terms")
+    return {joint: resolved[joint] for joint in entries}
+
+
+def _resolve(
+    joint: str,
+    entries: Mapping[str, JointMap],
+    channels: frozenset[str],
+    resolved: dict[str, JointMap],
+    above: tuple[str, ...],
+) -> JointMap:
+    if joint in resolved:
+        return resolved[joint]
+    if joint in above:
+        loop = " → ".join((*above[above.index(joint) :], joint))
+        raise TermError(joint, None, f"a loop: {loop}")
+    if len(above) > DEPTH_MAX:
+        raise TermError(above[0], None, f"a chain of more than {DEPTH_MAX} joints that follow one another")
+    gains: dict[str, float] = {}
+    offset = entries[joint].offset
+    for name, gain in entries[joint].terms:
+        if name in channels:
+            gains[name] = gains.get(name, 0.0) + gain
+            continue
+        other = _resolve(name, entries, channels, resolved, (*above, joint))
+        offset += gain * other.offset
+        for channel, other_gain in other.terms:
+            gains[channel] = gains.get(channel, 0.0) + gain * other_gain
+    resolved[joint] = JointMap(tuple(gains.items()), offset)
+    return resolved[joint]

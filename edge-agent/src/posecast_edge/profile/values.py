@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from posecast_wire.checked import SCRIPT_MARKS, UNSEEN
 from posecast_wire.schema import Xyz
@@ -14,6 +14,8 @@ from posecast_wire.toml_lines import find_line, index_lines
 
 from posecast_edge.kit import make_visible, quote
 from posecast_edge.profile.defaults import UNITS
+
+T = TypeVar("T")
 
 WHERE_MAX = 120  # characters
 REASON_MAX = 400
@@ -157,6 +159,17 @@ class Values:
         if not isinstance(value, str) or value not in UNITS:
             self.fail(where, f"unknown unit {quote(value)}; known: {', '.join(u for u in UNITS if u)}")
         return UNITS[value]
+
+    def check_entries(
+        self, value: object, where: str, known: Collection[str], what: str, read: Callable[[object, str], T]
+    ) -> dict[str, T]:
+        """Read a table whose keys are known names; `read` gets an entry and where it stands."""
+        entries = self.check_table(value, where)
+        names = frozenset(known) if entries else known
+        return {
+            self.check_choice(name, names, what, f"{where}.{name}"): read(entry, f"{where}.{name}")
+            for name, entry in entries.items()
+        }
 
     def check_choice(self, name: object, allowed: Collection[str], what: str, where: str) -> str:
         """Return `name` if it is one of `allowed`; `what` says in the error what kind of name it is."""

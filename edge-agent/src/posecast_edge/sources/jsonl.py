@@ -26,8 +26,7 @@ from typing import TYPE_CHECKING, Any
 from posecast_edge import kit
 from posecast_edge.kit import PartLog, kind_of, make_visible
 from posecast_edge.sample import Sample, SourceError, explain_time, read_time
-from posecast_edge.sources.base import Deliver, Source
-from posecast_edge.sources.sites import has_lists, split_lists
+from posecast_edge.sources.base import Deliver, Source, has_lists, split_lists
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile

@@ -36,8 +36,7 @@ from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
 from posecast_edge.uplink.credentials import Certificate, Proof
 from posecast_edge.uplink.lateness import LATE_S, EchoWatch, News
-from posecast_edge.uplink.model_server import ModelServer
-from posecast_edge.uplink.session import RETRY_MS, ProofRotation, Run, make_zenoh_config
+from posecast_edge.uplink.session import RETRY_MS, ModelServer, ProofRotation, Run, make_zenoh_config
 
 if TYPE_CHECKING:
     from posecast_edge.pipeline.stream import Frame

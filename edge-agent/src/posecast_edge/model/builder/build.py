@@ -23,8 +23,8 @@ from posecast_edge.model.builder.manifest import (
     make_skeleton,
     round_digits,
 )
+from posecast_edge.model.builder.mesh_coder import LAST_RUNGS, LodChain, count_rungs
 from posecast_edge.model.builder.model_files import Progress, collect_facts, read_visual_files
-from posecast_edge.model.builder.simplify import LAST_RUNGS, LodChain, count_rungs
 from posecast_edge.model.builder.soles import find_soles
 from posecast_edge.model.builder.thumbnail import draw_thumbnail, encode_png
 from posecast_edge.model.builder.up_axis import settle_up_axis
@@ -220,7 +220,7 @@ def _box(looks: Appearance, at: Vectors) -> tuple[Vectors, Vectors]:
 
 def _matrix(visual: Visual) -> Vectors:
     """link_from_mesh."""
-    return np.array(matrix_from_quaternion(visual.pose.xyz, quaternion_from_rpy(visual.pose.rpy)))
+    return np.array(visual.pose.to_matrix())
 
 
 def _visual(number: int, visual: Visual, looks: Appearance) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.meshes.mesh import Faces
+from posecast_edge.model.meshes.mesh import Faces, Surface
 
 try:
     import meshoptimizer
@@ -137,3 +137,134 @@ def _find_border(faces: NDArray[Any]) -> NDArray[Any]:
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     single, counts = np.unique(edges, axis=0, return_counts=True)
     return np.unique(single[counts == 1])
+
+
+# --- increasingly coarse versions of a surface
+
+LARGEST = 0.02  # of the mesh's size: no surface moves further, however small the level must be,
+LAST_RUNGS = 2  # except on this many extra rungs, for a phone that would have too many triangles to draw
+FINEST = 1e-5  # of the robot's size: the first rung
+STEP = math.sqrt(2)
+BELOW = 6  # rungs: an eighth of the error
+
+
+class LodChain:
+    """Simplified versions of one welded surface. Version k is within `robot_size · FINEST · STEP**k` of the
+    original, as `simplify` estimates it, and within LARGEST of the mesh's own size. After the last of these,
+    number `rungs` - 1, the error of each version is STEP times that of the one before."""
+
+    def __init__(self, surface: Surface, mesh_size: float, robot_size: float, rungs: int) -> None:
+        self.surface = surface
+        self._rungs_count = rungs
+        crowded = _crowded(surface)
+        self._kept = surface.faces[crowded]  # as they are, on every rung
+        self._loose = surface.faces[~crowded]
+        # where some stay, the others keep their border with them
+        self._keeps_border = len(self._kept) > 0
+        self._first = robot_size * FINEST
+        self._most = mesh_size * LARGEST
+        self._rungs: dict[int, tuple[float, Faces]] = {}
+
+    def get_rung(self, k: int) -> tuple[float, Faces]:
+        """Version k: its error bound in metres, and its triangles as indices of the surface's vertices.
+        Negative k: the original."""
+        if k < 0:
+            return 0.0, self.surface.faces
+        bound, faces = self._rung(k)
+        return bound, np.concatenate([faces, self._kept]) if len(self._kept) else faces
+
+    def _rung(self, k: int) -> tuple[float, Faces]:
+        if k < 0:
+            return 0.0, self._loose
+        if k >= self._rungs_count and k not in self._rungs:
+            # In one pass: a second pass may not join what the first leaves of shells with many holes.
+            bound, before = self._most * STEP ** (k - self._rungs_count + 1), self._rung(k - 1)[1]
+            self._rungs[k] = (bound, min(self._simplified(self._loose, bound), before, key=len))
+        if k not in self._rungs:
+            # From a rung far below: fast, and the sum of both errors is still within the bound.
+            below, faces = self._rung(k - BELOW)
+            bound = min(self._first * STEP**k, self._most)
+            self._rungs[k] = (bound, self._simplified(faces, bound - below) if bound > below else faces)
+        return self._rungs[k]
+
+    def _simplified(self, faces: Faces, error: float) -> Faces:
+        if len(faces) <= 4:
+            return faces
+        return simplify(faces, self.surface.positions, self.surface.uv, error, self._keeps_border)
+
+
+def _crowded(surface: Surface) -> NDArray[np.bool_]:
+    if surface.uv is None:  # welded: one vertex per position
+        return find_crowded_faces(surface.faces)
+    _, place = np.unique(surface.positions, axis=0, return_inverse=True)
+    return find_crowded_faces(surface.faces, place.reshape(-1))
+
+
+def count_rungs(mesh_sizes: list[float], robot_size: float) -> int:
+    """The number of versions after which nothing changes any more."""
+    largest = max(mesh_sizes, default=0.0) * LARGEST
+    if largest <= robot_size * FINEST:
+        return 1
+    return math.ceil(math.log(largest / (robot_size * FINEST), STEP)) + 1
+
+
+# --- vertices: STL, for one, stores about six copies of each
+
+CELLS = 1 << 20  # along the longest side: corners within one cell are one vertex
+CROWD_MAX = 1000  # triangles at one vertex; real robots have up to a few hundred
+
+
+def weld_vertices(surface: Surface) -> Surface:
+    """The surface with one vertex per position (and texture coordinate), without duplicate triangles and
+    triangles of no area."""
+    positions = surface.positions
+    low = positions.min(0)
+    cell = max(float((positions.max(0) - low).max()), 1e-12) / CELLS
+    grid = np.round((positions.astype(np.float64) - low) / cell).astype(np.int64)
+    key = (grid[:, 0] << 42) | (grid[:, 1] << 21) | grid[:, 2]
+    uv = surface.uv
+    if uv is None:
+        _, first, number = np.unique(key, return_index=True, return_inverse=True)
+    else:
+        rows = np.column_stack([key, np.round(np.clip(uv, -1e6, 1e6) * 65536).astype(np.int64)])
+        _, first, number = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    faces = drop_duplicate_faces(number.reshape(-1)[surface.faces], len(first))
+    return Surface(positions[first], faces, None if uv is None else uv[first], surface.paint)
+
+
+def drop_duplicate_faces(faces: NDArray[np.int64], vertices: int) -> Faces:
+    """Triangles with three different corners, each once and in order; the reverse side counts as a different
+    triangle."""
+    a, b, c = faces[:, 0], faces[:, 1], faces[:, 2]
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    turn = np.argmin(faces, axis=1)[:, None]
+    turned = np.take_along_axis(faces, (turn + np.arange(3)) % 3, axis=1)
+    if vertices < 1 << 21:
+        key = (turned[:, 0] << 42) | (turned[:, 1] << 21) | turned[:, 2]
+        _, first = np.unique(key, return_index=True)
+    else:
+        _, first = np.unique(turned, axis=0, return_index=True)
+    kept: Faces = faces[np.sort(first)].astype(np.int32)
+    return kept
+
+
+def find_crowded_faces(
+    faces: NDArray[np.int64] | Faces, place: NDArray[np.int64] | None = None
+) -> NDArray[np.bool_]:
+    """Which triangles touch a vertex shared by more than CROWD_MAX of them; simplification takes quadratic
+    time in that number. `place`: the position number of each vertex, if several vertices are at one
+    position."""
+    corners = faces if place is None else place[faces]
+    crowded = np.bincount(corners.reshape(-1))[corners] > CROWD_MAX
+    return np.asarray(crowded.any(axis=1), np.bool_)
+
+
+def drop_unused_vertices(faces: Faces) -> tuple[NDArray[np.int64], Faces]:
+    """Return the numbers of the used vertices in order of first use, and the faces renumbered to index
+    these."""
+    flat = faces.reshape(-1)
+    used, first, number = np.unique(flat, return_index=True, return_inverse=True)
+    order = np.argsort(first, kind="stable")
+    place = np.empty(len(used), np.int32)
+    place[order] = np.arange(len(used), dtype=np.int32)
+    return used[order].astype(np.int64), place[number].reshape(-1, 3)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posecast_edge.model.builder.visuals import Figure
-from posecast_edge.model.kinematics import matrix_from_quaternion, quaternion_from_rpy
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import Limit
 
@@ -102,7 +101,7 @@ def _collect_shells(figure: Figure, poses: Sequence[Vectors]) -> dict[int, Vecto
     for visual in figure.visuals:
         if visual.reason is not None or visual.source == "bones":
             continue
-        link_from_mesh = matrix_from_quaternion(visual.pose.xyz, quaternion_from_rpy(visual.pose.rpy))
+        link_from_mesh = visual.pose.to_matrix()
         at = poses[visual.link] @ np.array(link_from_mesh)
         for surface, _, _ in figure.looks[visual.looks].skins:
             found.setdefault(visual.link, []).append(surface.positions @ at[:3, :3].T + at[:3, 3])

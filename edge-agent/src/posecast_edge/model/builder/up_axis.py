@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from posecast_edge.model.builder.manifest import compute_home, is_within_reach, make_skeleton
 from posecast_edge.model.builder.model_files import Files
 from posecast_edge.model.finding import Finding
-from posecast_edge.model.kinematics import compute_link_poses, matrix_from_quaternion, quaternion_from_rpy
+from posecast_edge.model.kinematics import compute_link_poses
 from posecast_edge.model.meshes.mesh import UPRIGHT, Mesh
 from posecast_edge.model.meshes.primitives import tessellate
 from posecast_edge.model.urdf.tree import Tree
@@ -77,7 +77,7 @@ def measure_fit(urdf: Urdf, tree: Tree, files: Files) -> Fit:
             if shape.geometry is None or not is_within_reach(shape.pose) or left <= 0:
                 continue
             left -= 1
-            at = pose @ np.array(matrix_from_quaternion(shape.pose.xyz, quaternion_from_rpy(shape.pose.rpy)))
+            at = pose @ np.array(shape.pose.to_matrix())
             found = sampler.sample_geometry(shape.geometry)
             moved = moved or found[0] is not found[1]
             parts.append((_placed(found[0], at), _placed(found[1], at)))

@@ -12,8 +12,7 @@ from posecast_edge.model.doctor.meshes import (
     compute_shape_box,
     compute_zero_poses,
 )
-from posecast_edge.model.finding import NO_BALANCE, Finding, quote_name
-from posecast_edge.model.kinematics import matrix_from_quaternion, quaternion_from_rpy
+from posecast_edge.model.finding import NO_BALANCE, Finding, quote_name, quote_names
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import Inertial, Link
 
@@ -32,7 +31,6 @@ SLACK = 0.01  # of the largest moment: the others together may be this much smal
 GROSS = 0.5  # rounding does not explain this much
 SPAN_M = 1e-3  # moments that fit only a smaller body count as not given
 NOISE = 1e-6  # of the largest number of a matrix: a moment of 0 may have this error
-SHOWN = 6  # names in one line
 DISTRUST = "mass-"  # prefix of the codes that make masses useless
 
 
@@ -77,10 +75,9 @@ def _examine_whole(tree: Tree, whole: float) -> Iterator[Finding]:
     held = _list_held(tree)
     bare = [x for i, x in enumerate(tree.links) if x.inertial is None and i not in held and _shows(x)]
     if bare:
-        more = f" and {len(bare) - SHOWN} more" if len(bare) > SHOWN else ""
         have = "links with shells have" if len(bare) > 1 else "link with shells has"
-        names = ", ".join(quote_name(link.name) for link in bare[:SHOWN])
-        yield Finding("hint", "unweighed", f"{len(bare)} {have} no mass: {names}{more}", bare[0].line)
+        names = quote_names([link.name for link in bare])
+        yield Finding("hint", "unweighed", f"{len(bare)} {have} no mass: {names}", bare[0].line)
 
 
 def _examine_centres(tree: Tree, facts: Mapping[str, MeshFacts]) -> Iterator[Finding]:
@@ -166,7 +163,7 @@ def _compute_box(link: Link, facts: Mapping[str, MeshFacts]) -> float | None:
         box = compute_shape_box(shape.geometry, facts)
         if box is None:
             return None
-        at = matrix_from_quaternion(shape.pose.xyz, quaternion_from_rpy(shape.pose.rpy))
+        at = shape.pose.to_matrix()
         for corner in corners_of(*zip(*box, strict=True)):
             point = [sum(at[i][k] * corner[k] for k in range(3)) + at[i][3] for i in range(3)]
             low, high = [*map(min, low, point)], [*map(max, high, point)]

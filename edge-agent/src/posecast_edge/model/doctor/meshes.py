@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import product as corners_of
 
 from posecast_edge.model.finding import Finding, ModelRefused, quote_name
-from posecast_edge.model.kinematics import Matrix, matrix_from_quaternion, multiply, quaternion_from_rpy
+from posecast_edge.model.kinematics import Matrix, matrix_from_quaternion, multiply
 from posecast_edge.model.urdf.resolver import REFUSALS, Resolver
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import Geometry, Shape, Urdf, Vector, find_material
@@ -153,7 +153,7 @@ def compute_zero_poses(tree: Tree) -> list[Matrix]:
     """root_from_link of each link with all joints at 0."""
     poses = [matrix_from_quaternion((0, 0, 0), (1, 0, 0, 0))]
     for joint in tree.joints:
-        at = matrix_from_quaternion(joint.pose.xyz, quaternion_from_rpy(joint.pose.rpy))
+        at = joint.pose.to_matrix()
         poses.append(multiply(poses[tree.index[joint.parent]], at))
     return poses
 
@@ -167,7 +167,7 @@ def compute_robot_box(tree: Tree, facts: Mapping[str, MeshFacts]) -> tuple[list[
             box = compute_shape_box(shape.geometry, facts)
             if box is None:
                 continue
-            at = multiply(pose, matrix_from_quaternion(shape.pose.xyz, quaternion_from_rpy(shape.pose.rpy)))
+            at = multiply(pose, shape.pose.to_matrix())
             for corner in corners_of(*zip(*box, strict=True)):
                 point = [sum(at[i][k] * corner[k] for k in range(3)) + at[i][3] for i in range(3)]
                 low, high = [*map(min, low, point)], [*map(max, high, point)]

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.meshes.collada import read_collada
 from posecast_edge.model.meshes.gltf import read_gltf
-from posecast_edge.model.meshes.mesh import FILE_MAX, Load, Mesh, validate_mesh
+from posecast_edge.model.meshes.mesh import (
+    FILE_MAX,
+    TEXT_MAX,
+    TRIANGLES_MAX,
+    Load,
+    Mesh,
+    Paint,
+    Surface,
+    validate_mesh,
+)
 from posecast_edge.model.meshes.obj import read_obj
-from posecast_edge.model.meshes.stl import read_stl
 from posecast_edge.model.meshes.texture import Pictures
-from posecast_edge.model.meshes.vertex_colour import split_all_by_colour
-from posecast_edge.model.urdf.resolver import Resolver, open_file
+from posecast_edge.model.urdf.resolver import Resolver, read_bounded
 
 
 def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: SideFiles | None = None) -> Mesh:
@@ -131,15 +143,121 @@ class SideFiles:
         return data
 
 
-def read_bounded(path: Path, most: int) -> bytes:
-    """Read a file. Raises ModelRefused when it is larger than `most` bytes or can't be read."""
+# --- STL, binary and text; a binary file may begin with "solid", so only the length tells them apart
+
+HEADER = 84
+RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+
+
+def read_stl(data: bytes) -> Mesh:
+    """Read a file. Raises ModelRefused when header and length disagree or the text is not STL."""
+    count = int.from_bytes(data[80:84], "little") if len(data) >= HEADER else 0
+    room = (len(data) - HEADER) // RECORD.itemsize
+    notes: list[tuple[str, str]] = []
+    if len(data) >= HEADER and count == room and len(data) == HEADER + count * RECORD.itemsize:
+        return _binary(data, count, notes)
+    if data[:2048].lstrip()[:5].lower() == b"solid" and b"facet" in data[:4096].lower():
+        return _text(data)
+    if count == 0 or count > room:
+        held = f"has room for {max(room, 0):,}"
+        raise ModelRefused(f"the STL's header claims {count:,} triangles, the file {held}")
+    notes.append(
+        ("stl-tail", f"{len(data) - HEADER - count * RECORD.itemsize} bytes after the last triangle")
+    )
+    return _binary(data, count, notes)
+
+
+def _binary(data: bytes, count: int, notes: list[tuple[str, str]]) -> Mesh:
+    if count > TRIANGLES_MAX:
+        raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
+    corners = np.frombuffer(data, RECORD, count, HEADER)["corners"].reshape(-1, 3)
+    return Mesh((Surface(corners, _corners(len(corners))),), tuple(notes))
+
+
+def _text(data: bytes) -> Mesh:
+    if len(data) > TEXT_MAX:
+        raise ModelRefused(f"a text STL over {TEXT_MAX >> 20} MiB")
     try:
-        if path.stat().st_size > most:
-            raise ModelRefused(f"over {most >> 20} MiB")
-        with open_file(path) as file:
-            data = file.read(most + 1)
-    except OSError as e:
-        raise ModelRefused(e.strerror or "can't be read") from None
-    if len(data) > most:
-        raise ModelRefused(f"over {most >> 20} MiB")
-    return data
+        words = (float(word) for match in VERTEX.finditer(data) for word in match.groups())
+        with np.errstate(over="ignore"):  # overflows to infinity, which is refused later
+            numbers = np.fromiter(words, np.float64).astype("<f4")
+    except ValueError:
+        raise ModelRefused("a vertex of the text STL is not a number") from None
+    if len(numbers) % 9:
+        raise ModelRefused("the text STL ends within a triangle")
+    return Mesh((Surface(numbers.reshape(-1, 3), _corners(len(numbers) // 3)),))
+
+
+def _corners(count: int) -> np.ndarray[tuple[int, int], np.dtype[np.int32]]:
+    return np.arange(count, dtype=np.int32).reshape(-1, 3)
+
+
+# --- vertex colours become paints: a few colours, each on its own triangles. Levels of detail have no vertex
+# colours (docs/reference/model-bundle.md). Exporters use them to mark parts of a body, so a few are kept; the
+# many colours of a scan are replaced by their mean
+
+COLOURS_MAX = 16
+CLOSE = 8 / 255  # colours nearer than this count as one: rounding, or slight shading
+DARK = 0.02
+FEW = 1000  # triangles: up to this many are always split
+RAGGED = 0.3  # of all edges lying between colours: beyond it, the colours are an image, not parts
+
+
+def split_all_by_colour(surfaces: Sequence[Surface]) -> list[Surface]:
+    """Split into surfaces of one paint each. If a file without materials gives all vertices the same colour,
+    it becomes the spare paint: that is usually an exporter's default and not the robot's colour, and RViz
+    ignores it."""
+    parts = [part for surface in surfaces for part in split_by_colour(surface)]
+    if any(surface.paint for surface in surfaces) or len({part.paint for part in parts}) > 1:
+        return parts
+    return [replace(part, paint=None, spare=part.paint) for part in parts]
+
+
+def split_by_colour(surface: Surface) -> Iterator[Surface]:
+    """Split a surface into surfaces of one paint each. It is left as it is if it has no colours or only
+    black, which is an unused layer."""
+    if surface.colours is None or surface.colours.max() < DARK:
+        yield replace(surface, colours=None)
+        return
+    paint = surface.paint or Paint((1.0, 1.0, 1.0, 1.0))
+    colours = surface.colours[surface.faces].mean(1).astype(np.float64)  # of a triangle
+    sort = _sorts(colours)
+    if _ragged(surface, sort):
+        sort = np.zeros(len(colours), np.int64)
+    for number in range(int(sort.max()) + 1):
+        own = sort == number
+        r, g, b = (float(v) for v in np.round(colours[own].mean(0), 4))
+        rgba = (paint.rgba[0] * r, paint.rgba[1] * g, paint.rgba[2] * b, paint.rgba[3])
+        yield Surface(
+            surface.positions, surface.faces[own], surface.uv, Paint(rgba, paint.texture), names=surface.names
+        )
+
+
+def _sorts(colours: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The number of each triangle's colour, from 0: median cut (Heckbert 1982), the widest box first."""
+    sort = np.zeros(len(colours), np.int64)
+    for new in range(1, COLOURS_MAX):
+        boxes = [colours[sort == k] for k in range(new)]
+        spans = np.array([np.ptp(box, axis=0) for box in boxes])
+        widest, channel = np.unravel_index(int(spans.argmax()), spans.shape)
+        if spans[widest, channel] <= CLOSE:
+            break
+        values = boxes[widest][:, channel]
+        middle = (values.min() + values.max()) / 2
+        sort[(sort == widest) & (colours[:, channel] > middle)] = new
+    return sort
+
+
+def _ragged(surface: Surface, sort: NDArray[np.int64]) -> bool:
+    """Whether the colours mark no parts, because too many edges separate different colours."""
+    if not sort.any() or len(sort) < FEW:
+        return False
+    _, place = np.unique(surface.positions, axis=0, return_inverse=True)
+    corners = place.reshape(-1)[surface.faces]
+    edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1)
+    key = edges[:, 0].astype(np.int64) << 32 | edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    key, of = key[order], np.tile(sort, 3)[order]
+    shared = key[1:] == key[:-1]
+    return bool(shared.any()) and bool((of[1:] != of[:-1])[shared].mean() > RAGGED)

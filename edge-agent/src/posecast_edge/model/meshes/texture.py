@@ -93,11 +93,6 @@ def fit_picture(data: bytes, side_max: int) -> Picture:
         return Picture(out.getvalue(), "image/jpeg")
 
 
-def validate_picture(data: bytes) -> bytes:
-    """Return `data`. Raises ModelRefused when it is not a picture, damaged, or far too large."""
-    return Pictures().validate(data)
-
-
 @lru_cache(LOOKS_MAX)
 def compute_mean_colour(data: bytes) -> tuple[float, float, float]:
     """The picture's mean colour as display (sRGB) values 0 … 1. Raises ModelRefused when it is not a

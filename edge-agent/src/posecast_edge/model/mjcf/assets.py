@@ -27,15 +27,7 @@ from posecast_edge.model.mjcf.compiled import PICTURE_PIXELS_MAX
 PICTURE_SIDE_MAX = 2048  # pixels; the finest level has no more
 PNG = b"\x89PNG\r\n\x1a\n"
 # what MuJoCo raises
-FAILURES = (
-    ValueError,
-    TypeError,
-    LookupError,
-    RuntimeError,
-    MemoryError,
-    RecursionError,
-    mujoco.FatalError,
-)
+FAILURES = (ValueError, TypeError, LookupError, RuntimeError, MemoryError, RecursionError, mujoco.FatalError)
 
 # Its sides are its principal axes, in MuJoCo's order, and its middle is 0: MuJoCo neither turns nor moves it.
 BOX = [v for x in (-1.0, 1.0) for y in (-2.0, 2.0) for z in (-3.0, 3.0) for v in (x, y, z)]

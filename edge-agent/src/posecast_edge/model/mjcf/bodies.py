@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.finding import Finding, quote_name
-from posecast_edge.model.kinematics import Matrix, matrix_from_quaternion, multiply
+from posecast_edge.model.finding import Finding, quote_name, quote_names
+from posecast_edge.model.kinematics import Matrix, matrix_from_quaternion, multiply, turn_about
 from posecast_edge.model.mjcf.compiled import CompiledModel
+from posecast_edge.model.sdf.frames import make_pose
 from posecast_edge.model.urdf.types import UNBOUNDED, ZERO, Joint, Limit, Mimic, Pose, Vector
 
 FREE, BALL, SLIDE, HINGE = range(4)  # mjtJoint
 JOINT_EQUALITY = 2  # mjtEq
 WHOLE = (1.0, 0.0, 0.0, 0.0)
-SHOWN = 6  # names in one line
 SMALL = 1e-9  # m or rad: nothing
 
 
@@ -125,15 +125,15 @@ class _Builder:
             else:
                 at = multiply(at, _shift(_add(behind, place, 1.0)))
                 if kind == HINGE:
-                    at = multiply(at, _turn(axis, -float(reference[0])))
+                    at = multiply(at, turn_about(ZERO, axis, -float(reference[0])))
             behind = _add(ZERO, place, -1.0)
             last = number == own[-1] and max(map(abs, behind)) < SMALL
             child = name if last else self._link_between(f"{name}/{self._joint_names[number]}")
-            self._joints.append(self._joint(number, parent, child, pose_from_matrix(at), axis))
+            self._joints.append(self._joint(number, parent, child, make_pose(at), axis))
             parent, at = child, matrix_from_quaternion(ZERO, WHOLE)
         if parent != name:
             fixed = _free_name(f"{name}_fixed", self._taken_joints)
-            pose = pose_from_matrix(multiply(at, _shift(behind)))
+            pose = make_pose(multiply(at, _shift(behind)))
             line = model.lines["body"][body]
             self._joints.append(Joint(fixed, "fixed", parent, name, pose, None, None, None, line))
 
@@ -187,17 +187,6 @@ def normalise_quaternion(quat: NDArray[Any]) -> tuple[float, float, float, float
     return (w / length, x / length, y / length, z / length) if length > SMALL else WHOLE
 
 
-def pose_from_matrix(at: Matrix) -> Pose:
-    """Translation (metres) and roll, pitch, yaw (radians) of a rigid transform."""
-    level = math.hypot(at[0][0], at[1][0])
-    pitch = math.atan2(-at[2][0], level)
-    if level > SMALL:
-        roll, yaw = math.atan2(at[2][1], at[2][2]), math.atan2(at[1][0], at[0][0])
-    else:  # straight up or down: roll and yaw turn about the same axis
-        roll, yaw = 0.0, math.atan2(-at[0][1], at[1][1])
-    return Pose((at[0][3], at[1][3], at[2][3]), (roll, pitch, yaw))
-
-
 def _three(values: NDArray[np.float64]) -> Vector:
     x, y, z = (float(v) for v in values)
     return (x, y, z)
@@ -211,11 +200,6 @@ def _shift(xyz: Vector) -> Matrix:
     return matrix_from_quaternion(xyz, WHOLE)
 
 
-def _turn(axis: Vector, angle: float) -> Matrix:
-    s = math.sin(angle / 2)
-    return matrix_from_quaternion(ZERO, (math.cos(angle / 2), s * axis[0], s * axis[1], s * axis[2]))
-
-
 def _free_name(wanted: str, taken: set[str]) -> str:
     name, number = wanted, 1
     while name in taken:
@@ -226,5 +210,4 @@ def _free_name(wanted: str, taken: set[str]) -> str:
 
 
 def _list(names: Sequence[str]) -> str:
-    many = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return f"bod{'ies' if len(names) > 1 else 'y'} {', '.join(map(quote_name, names[:SHOWN]))}{many}"
+    return f"bod{'ies' if len(names) > 1 else 'y'} {quote_names(names)}"

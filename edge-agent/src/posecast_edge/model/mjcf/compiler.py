@@ -130,14 +130,7 @@ def _extract(spec: Any, model: Any, files: ModelFiles, taken: TakenAssets) -> Co
     }
     inputs = tuple(str(p) for p in files.inputs)
     return CompiledModel(
-        arrays,
-        names,
-        lines,
-        str(spec.modelname),
-        model.nskin,
-        model.nflex,
-        inputs,
-        tuple(taken.remarks),
+        arrays, names, lines, str(spec.modelname), model.nskin, model.nflex, inputs, tuple(taken.remarks)
     )
 
 

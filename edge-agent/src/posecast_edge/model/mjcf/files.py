@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.urdf.resolver import Resolver, open_file, resolve_links
+from posecast_edge.model.urdf.resolver import Resolver, read_bounded, resolve_links
 
 XML_MAX = 32 << 20  # bytes of one file
 NAMES_MAX = 4000  # files that are looked for
@@ -124,14 +124,7 @@ class _Collector:
         self._files.refused[name] = reason
 
     def _read(self, path: Path, most: int) -> bytes:
-        most = min(most, self._left)
-        try:
-            with open_file(path) as file:
-                content = file.read(most + 1)
-        except OSError as e:
-            raise ModelRefused(e.strerror or str(e)) from None
-        if len(content) > most:
-            raise ModelRefused(f"over {most >> 20} MiB")
+        content = read_bounded(path, min(most, self._left))
         self._left -= len(content)
         self._files.inputs[resolve_links(path)] = None
         return content

@@ -15,6 +15,7 @@ from posecast_edge.model.finding import NO_BALANCE, Finding, ModelRefused, make_
 from posecast_edge.model.kinematics import matrix_from_quaternion
 from posecast_edge.model.mjcf.child import SECONDS_MAX, run_child
 from posecast_edge.model.robot_file import RobotFile
+from posecast_edge.model.sdf.frames import make_pose
 from posecast_edge.model.urdf.reader import LINKS_MAX, NAME_MAX
 from posecast_edge.model.urdf.types import Inertial, Link, Sensor, Urdf
 
@@ -102,20 +103,20 @@ def _make_robot(model: CompiledModel, path: Path) -> RobotFile:
 
 def _inertial(model: CompiledModel, body: int, line: int) -> Inertial | None:
     """A body's mass; MuJoCo gives the moments about their own axes."""
-    from posecast_edge.model.mjcf.bodies import normalise_quaternion, pose_from_matrix  # noqa: PLC0415 - numpy
+    from posecast_edge.model.mjcf.bodies import normalise_quaternion  # noqa: PLC0415 - numpy
 
     mass = float(model["body_mass"][body])
     if mass <= 0:
         return None
     quat = normalise_quaternion(model["body_iquat"][body])
     x, y, z = model["body_inertia"][body].tolist()
-    pose = pose_from_matrix(matrix_from_quaternion(model["body_ipos"][body].tolist(), quat))
+    pose = make_pose(matrix_from_quaternion(model["body_ipos"][body].tolist(), quat))
     return Inertial(mass, (x, 0.0, 0.0, y, 0.0, z), line, pose)
 
 
 def _sensors(model: CompiledModel, links: dict[int, str]) -> Iterator[Sensor]:
     """Those on sites, each site and kind once, by the names that the source `mujoco` gives them."""
-    from posecast_edge.model.mjcf.bodies import normalise_quaternion, pose_from_matrix  # noqa: PLC0415 - numpy
+    from posecast_edge.model.mjcf.bodies import normalise_quaternion  # noqa: PLC0415 - numpy
 
     known: set[tuple[int, str]] = set()
     for kind, of, site in zip(
@@ -133,4 +134,4 @@ def _sensors(model: CompiledModel, links: dict[int, str]) -> Iterator[Sensor]:
             quat = normalise_quaternion(model["site_quat"][site])
             at = matrix_from_quaternion(model["site_pos"][site].tolist(), quat)
             name = model.names["site"][site].replace(".", "_")[:NAME_MAX]
-            yield Sensor(name, word, link, pose_from_matrix(at), 0)
+            yield Sensor(name, word, link, make_pose(at), 0)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from posecast_edge.model.finding import Finding
 from posecast_edge.model.kinematics import matrix_from_quaternion
 from posecast_edge.model.meshes.mesh import Mesh, Paint, Rgba, Surface, validate_mesh
-from posecast_edge.model.mjcf.bodies import normalise_quaternion, pose_from_matrix
+from posecast_edge.model.mjcf.bodies import normalise_quaternion
 from posecast_edge.model.mjcf.compiled import PICTURE_PIXELS_MAX, CompiledModel
+from posecast_edge.model.sdf.frames import make_pose
 from posecast_edge.model.urdf.types import ONES, Geometry, Material, Shape
 
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, SDF = range(9)  # mjtGeom
@@ -97,7 +98,7 @@ class GeomReader:
     def _shape(self, i: int) -> Shape:
         model, line = self._model, self._model.lines["geom"][i]
         quat = normalise_quaternion(model["geom_quat"][i])
-        pose = pose_from_matrix(matrix_from_quaternion(model["geom_pos"][i].tolist(), quat))
+        pose = make_pose(matrix_from_quaternion(model["geom_pos"][i].tolist(), quat))
         geometry, painted = self._geometry(i, line)
         material = None if painted else Material("", self._paints[i], None, line)
         return Shape(pose, geometry, material, line)

@@ -7,13 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from posecast_edge.model.finding import quote_name
-from posecast_edge.model.kinematics import (
-    Matrix,
-    identity,
-    matrix_from_quaternion,
-    multiply,
-    quaternion_from_rpy,
-)
+from posecast_edge.model.kinematics import Matrix, identity, multiply
 from posecast_edge.model.urdf.types import Pose, Vector
 from posecast_edge.model.urdf.xml_tree import Element
 
@@ -137,11 +131,6 @@ def rotate_vector(a_from_b: Matrix, vector: Sequence[float]) -> Vector:
     """A direction of b in a."""
     x, y, z = (sum(a_from_b[i][k] * vector[k] for k in range(3)) for i in range(3))
     return (x, y, z)
-
-
-def make_matrix(pose: Pose) -> Matrix:
-    """The transform of a pose."""
-    return matrix_from_quaternion(pose.xyz, quaternion_from_rpy(pose.rpy))
 
 
 def make_pose(transform: Matrix) -> Pose:

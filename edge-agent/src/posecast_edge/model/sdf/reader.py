@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
+from posecast_edge.model.finding import ModelRefused, distrust_masses, make_printable, quote_name
 from posecast_edge.model.kinematics import Matrix, identity, multiply
 from posecast_edge.model.sdf.frames import (
     WORLD,
@@ -24,7 +24,7 @@ from posecast_edge.model.sdf.joints import JointDraft, JointReader, hang_links
 from posecast_edge.model.sdf.shapes import ShapeReader
 from posecast_edge.model.sdf.values import SdfValues, get_flag
 from posecast_edge.model.urdf.reader import BYTES_MAX, LINKS_MAX, NAME_MAX, show_collisions
-from posecast_edge.model.urdf.resolver import Resolver, open_file
+from posecast_edge.model.urdf.resolver import Resolver, read_bounded
 from posecast_edge.model.urdf.types import Link, Sensor, Urdf
 from posecast_edge.model.urdf.xml_tree import Element
 
@@ -35,12 +35,7 @@ MODEL = "__model__"
 def load_sdf(path: Path, resolver: Resolver) -> tuple[Urdf, tuple[Path, ...]]:
     """Read a file and those that it includes, whose paths are returned, too. Raises ModelRefused when there
     is no robot in it."""
-    try:
-        with open_file(path) as source:
-            content = source.read(BYTES_MAX + 1)
-    except OSError as e:
-        raise ModelRefused(e.strerror or str(e)) from None
-    reader = _Reader(content, path, resolver)
+    reader = _Reader(read_bounded(path, BYTES_MAX), path, resolver)
     return reader.urdf, (path, *reader.inputs)
 
 
@@ -191,7 +186,8 @@ class _Reader:
             for tag in ("visual", "collision")
         )
         self._read_sensors(element, full, scope)
-        inertial = self._shapes.read_inertial(element, what, find_pose)
+        with distrust_masses(self._values.findings):
+            inertial = self._shapes.read_inertial(element.find_first("inertial"), what, find_pose)
         return Link(full, visuals, collisions, inertial, element.line)
 
     def _read_sensors(self, element: Element, near: str, scope: Scope) -> None:

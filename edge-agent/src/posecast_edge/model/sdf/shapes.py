@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from urllib.parse import urlsplit
 
-from posecast_edge.model.finding import ModelRefused, distrust_masses, quote_name
+from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.kinematics import Matrix
 from posecast_edge.model.sdf.frames import make_pose
 from posecast_edge.model.sdf.values import SdfValues, get_flag, get_text
@@ -138,18 +138,9 @@ class ShapeReader:
         return (*SCRIPTS[name], 1.0) if name in SCRIPTS else None
 
     def read_inertial(
-        self, link: Element, what: str, find_pose: Callable[[Element], Matrix]
-    ) -> Inertial | None:
-        """A link's mass, its centre and moments."""
-        since = len(self._values.findings)
-        try:
-            return self._read_masses(link.find_first("inertial"), what, find_pose)
-        finally:
-            distrust_masses(self._values.findings, since)
-
-    def _read_masses(
         self, element: Element | None, what: str, find_pose: Callable[[Element], Matrix]
     ) -> Inertial | None:
+        """A link's mass, its centre and moments."""
         mass = self._values.read_number(element.find_first("mass"), what) if element is not None else None
         if element is None or mass is None:
             return None

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from posecast_edge.model.finding import Finding, quote_name
 from posecast_edge.model.kinematics import Matrix, identity, matrix_from_quaternion
-from posecast_edge.model.sdf.frames import make_matrix
 from posecast_edge.model.urdf.reader import NAME_MAX, parse_floats
 from posecast_edge.model.urdf.types import FAR_M, Pose, Vector
 from posecast_edge.model.urdf.xml_tree import Element
@@ -66,7 +65,7 @@ class SdfValues:
         unit = math.pi / 180 if element.get("degrees") in ("true", "1") else 1.0
         x, y, z, roll, pitch, yaw = values
         pose = Pose((x, y, z), (roll * unit, pitch * unit, yaw * unit))
-        return self._near(make_matrix(pose), element, what)
+        return self._near(pose.to_matrix(), element, what)
 
     def _near(self, transform: Matrix, element: Element, what: str) -> Matrix:
         if max(abs(transform[i][3]) for i in range(3)) <= FAR_M:

@@ -11,7 +11,7 @@ import hashlib
 import json
 import logging
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
@@ -20,12 +20,7 @@ from posecast_edge.model.doctor.meshes import find_lost_files
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import Finding, ModelRefused, make_printable
 from posecast_edge.model.kinematics import VARIABLES, list_variables
-from posecast_edge.model.moving_joints import (
-    SLIDING_TYPE,
-    MovingJoint,
-    list_built_joints,
-    list_moving_joints,
-)
+from posecast_edge.model.moving_joints import SLIDING_TYPE, MovingJoint, list_built_joints, list_moving_joints
 from posecast_edge.model.serve.bundle_dir import check_folder
 from posecast_edge.model.urdf.reader import load_urdf
 from posecast_edge.model.urdf.resolver import URI_MAX, Resolver, open_file, resolve_links
@@ -77,19 +72,20 @@ class Bundle:
         files: list[BundleFile],
         missing: list[str],
         links: frozenset[str],
-        sliding: frozenset[str] = frozenset(),
+        kinds: Sequence[tuple[str, str]] = (),
         joints: tuple[MovingJoint, ...] = (),
-        readings: frozenset[str] = frozenset(),
         findings: Sequence[Finding] = (),
     ) -> None:
-        """`links`: the names of its links; `sliding`: those of its prismatic joints; `joints`: those that one
-        value moves; `readings`: what readings of any joint may be called; `findings`: errors and warnings of
-        the doctor, at most FINDINGS_MAX."""
+        """`links`: the names of its links; `kinds`: name and type of its joints; `joints`: those that one
+        value moves; `findings`: errors and warnings of the doctor, at most FINDINGS_MAX."""
         self.manifest = manifest
         self.links = links
-        self.sliding = sliding
+        self.sliding = frozenset(name for name, kind in kinds if kind == SLIDING_TYPE)  # in metres
         self.joints = joints
-        self.readings = readings
+        # what readings may be called: joints of several variables also have readings of the joint's own name
+        self.readings = frozenset(
+            n for j, kind in kinds for n in (j, *(v for v, _ in list_variables(j, kind)))
+        )
         self.findings = tuple(findings)
         self.files = tuple(files)
         self.missing = tuple(missing)
@@ -146,22 +142,14 @@ def load_bundle(urdf: Path, packages: Sequence[Path] = ()) -> Bundle:
             files.append(file)
     links = frozenset(link.name for link in read.links)
     manifest = _manifest(files, missing)
-    joints, readings = list_moving_joints(read), _list_readings((j.name, j.type) for j in read.joints)
-    found = _examine(read, resolver)
-    return Bundle(manifest, files, missing, links, find_sliding(read), joints, readings, found)
+    kinds = [(j.name, j.type) for j in read.joints]
+    return Bundle(manifest, files, missing, links, kinds, list_moving_joints(read), _examine(read, resolver))
 
 
 def _examine(urdf: Urdf, resolver: Resolver) -> list[Finding]:
     """What can be found out without a look into the meshes."""
     found = examine_model(urdf, build_tree(urdf), None, lost=find_lost_files(urdf, resolver))
     return [f for f in found if f.severity != "hint"][:FINDINGS_MAX]
-
-
-def _list_readings(joints: Iterable[tuple[str, str]]) -> frozenset[str]:
-    """By (name, type) of joints: their own names, which those of several variables have too, and these."""
-    return frozenset(
-        name for joint, kind in joints for name in (joint, *(v for v, _ in list_variables(joint, kind)))
-    )
 
 
 def find_sliding(urdf: Urdf) -> frozenset[str]:
@@ -205,14 +193,11 @@ def load_built(folder: Path) -> Bundle:
     document = json.loads(manifest)
     links = document.get("links")
     names = frozenset(map(str, links if isinstance(links, list) else ()))
-    joints, sliding = list_built_joints(manifest), find_sliding_built(manifest)
-    readings = _list_readings(_read_types(document.get("joints")))
-    return Bundle(
-        manifest, files, [], names, sliding, joints, readings, _read_findings(document.get("findings"))
-    )
+    kinds, findings = list(_read_kinds(document.get("joints"))), _read_findings(document.get("findings"))
+    return Bundle(manifest, files, [], names, kinds, list_built_joints(manifest), findings)
 
 
-def _read_types(joints: object) -> Iterator[tuple[str, str]]:
+def _read_kinds(joints: object) -> Iterator[tuple[str, str]]:
     """(name, type) of each joint of a manifest, as far as there are any."""
     for joint in joints if isinstance(joints, list) else ():
         if isinstance(joint, dict) and joint.get("type") in VARIABLES:
@@ -227,16 +212,6 @@ def _read_findings(findings: object) -> list[Finding]:
         if isinstance(f, dict) and f.get("severity") in ("error", "warning")
         for line in (f.get("line"),)
     ]
-
-
-def find_sliding_built(manifest: bytes) -> frozenset[str]:
-    """The same of a built model, by its manifest."""
-    joints = json.loads(manifest).get("joints")
-    return frozenset(
-        str(joint.get("name"))
-        for joint in (joints if isinstance(joints, list) else ())
-        if isinstance(joint, dict) and joint.get("type") == SLIDING_TYPE
-    )
 
 
 def _manifest(files: list[BundleFile], missing: list[str]) -> bytes:

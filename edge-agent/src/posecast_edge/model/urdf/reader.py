@@ -136,7 +136,8 @@ class _Reader:
         visuals = tuple(self._shape(e, what) for e in element.find_all("visual"))
         collisions = tuple(self._shape(e, what) for e in element.find_all("collision"))
         inertial = element.find_first("inertial")
-        mass = self._inertial(inertial, what) if inertial else None
+        with distrust_masses(self.urdf.findings):
+            mass = self._inertial(inertial, what) if inertial else None
         self.urdf.links.append(Link(name, visuals, collisions, mass, element.line))
         for sensor in element.find_all("sensor"):
             self._add_sensor(sensor, name)
@@ -186,13 +187,6 @@ class _Reader:
         return Mimic(joint, 1.0 if multiplier is None else multiplier, offset or 0.0, element.line)
 
     def _inertial(self, element: Element, what: str) -> Inertial | None:
-        since = len(self.urdf.findings)
-        try:
-            return self._masses(element, what)
-        finally:
-            distrust_masses(self.urdf.findings, since)
-
-    def _masses(self, element: Element, what: str) -> Inertial | None:
         mass, inertia = element.find_first("mass"), element.find_first("inertia")
         value = self._number(mass, "value", None, what) if mass else None
         if value is None:
@@ -340,42 +334,32 @@ class _Reader:
         return Pose(self._vector(origin, "xyz", ZERO, what), self._vector(origin, "rpy", ZERO, what))
 
     def _vector(self, element: Element, name: str, default: Vector, what: str) -> Vector:
-        if element.get(name) is None:
-            return default
-        values = self._numbers(element, name, what)
-        if values is None:
-            return default
-        if len(values) == 1 and name == "scale":  # seen in the wild, meant as uniform
-            return (values[0], values[0], values[0])
-        if len(values) != 3:
-            self._note("error", "number", f"{what}: <{element.tag} {name}> needs three numbers", element)
-            return default
-        return _three(values)
+        values = self._numbers(element, name, 3, what)
+        return default if values is None else _three(values)
 
     def _number(self, element: Element, name: str, default: float | None, what: str) -> float | None:
-        if element.get(name) is None:
-            return default
-        values = self._numbers(element, name, what)
-        if values is None:
-            return default
-        if len(values) != 1:
-            self._note("error", "number", f"{what}: <{element.tag} {name}> needs one number", element)
-            return default
-        return values[0]
+        values = self._numbers(element, name, 1, what)
+        return default if values is None else values[0]
 
-    def _numbers(self, element: Element, name: str, what: str) -> list[float] | None:
-        text = element.get(name) or ""
+    def _numbers(self, element: Element, name: str, count: int, what: str) -> list[float] | None:
+        """So many finite numbers; None when the attribute is absent, or reported as wrong."""
+        text, place = element.get(name), f"{what}: <{element.tag} {name}>"
+        if text is None:
+            return None
         values = parse_floats(text)
         if values is None and "," in text and (values := parse_floats(_uncomma(text))) is not None:
-            place = f"{what}: <{element.tag} {name}>"
             say = f"{place} with commas: {quote_name(text, 40)}; other programs refuse it"
             self._note("warning", "number-commas", say, element)
         if values is None or not all(map(math.isfinite, values)):
             wrong = "is not a number" if values is None else "is not finite"
             wrong = "was not expanded by xacro" if "${" in text or "$(" in text else wrong
-            self._note(
-                "error", "number", f"{what}: <{element.tag} {name}> {wrong}: {quote_name(text, 40)}", element
-            )
+            self._note("error", "number", f"{place} {wrong}: {quote_name(text, 40)}", element)
+            return None
+        if len(values) == 1 and name == "scale":  # seen in the wild, meant as uniform
+            return values * 3
+        if len(values) != count:
+            needed = "one number" if count == 1 else "three numbers"
+            self._note("error", "number", f"{place} needs {needed}", element)
             return None
         return values
 

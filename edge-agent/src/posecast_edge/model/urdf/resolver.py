@@ -21,7 +21,7 @@ from typing import BinaryIO
 from urllib.parse import unquote, urlsplit
 
 from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
-from posecast_edge.model.urdf.xml_tree import read_xml
+from posecast_edge.model.urdf.xml_tree import Element, read_xml
 
 MESHES = (".stl", ".dae", ".obj", ".glb", ".gltf", ".ply")
 BESIDE = (".mtl", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif", ".dds", ".bin")
@@ -106,6 +106,20 @@ def open_file(path: Path) -> BinaryIO:
         os.close(file)
         raise OSError(errno.EINVAL, "is not a file", str(path))
     return os.fdopen(file, "rb")
+
+
+def read_bounded(path: Path, most: int) -> bytes:
+    """Read a file. Raises ModelRefused when it is larger than `most` bytes or can't be read."""
+    try:
+        if path.stat().st_size > most:
+            raise ModelRefused(f"over {most >> 20} MiB")
+        with open_file(path) as file:
+            data = file.read(most + 1)
+    except OSError as e:
+        raise ModelRefused(e.strerror or "can't be read") from None
+    if len(data) > most:
+        raise ModelRefused(f"over {most >> 20} MiB")
+    return data
 
 
 class Resolver:
@@ -199,7 +213,7 @@ class Resolver:
             raise ModelRefused("not a file name")
         scheme = parts.scheme if len(parts.scheme) > 1 else ""  # C:/… is a path
         path = unquote(parts.path)
-        if scheme == "package":
+        if scheme in ("package", "model"):
             found = self._in_package(unquote(parts.netloc), path.strip("/"))
         elif scheme in ("file", ""):
             local = Path(path) if scheme else self._folder / unquote(uri)
@@ -211,8 +225,6 @@ class Resolver:
             if isinstance(seen, ModelRefused):
                 raise seen
             found = seen
-        elif scheme == "model":
-            found = self._in_package(unquote(parts.netloc), path.strip("/"))
         else:
             raise ModelRefused(f"{scheme}: files are not downloaded")
         if windows and found.hint is None:
@@ -404,24 +416,25 @@ def _subfolders(folder: Path) -> list[Path]:
         return []
 
 
-def _package_name(file: Path) -> str | None:
+def _read_package(file: Path) -> Element | None:
     try:
         with open_file(file) as source:
-            root = read_xml(source, bytes_max=1 << 16, elements_max=1000, depth_max=16, texts=True)
+            return read_xml(source, bytes_max=1 << 16, elements_max=1000, depth_max=16, texts=True)
     except (OSError, ModelRefused):
         return None
-    name = root.find_first("name")
+
+
+def _package_name(file: Path) -> str | None:
+    root = _read_package(file)
+    name = root.find_first("name") if root else None
     return name.text.strip() if name else None
 
 
 def _configured(file: Path) -> str:
     """The name of the SDF of the newest format that a model's folder has."""
-    try:
-        with open_file(file) as source:
-            root = read_xml(source, bytes_max=1 << 16, elements_max=1000, depth_max=16, texts=True)
-    except (OSError, ModelRefused):
-        return "model.sdf"
-    found = [(e.get("version") or "", e.text.strip()) for e in root.find_all("sdf") if e.text.strip()]
+    root = _read_package(file)
+    sdfs = root.find_all("sdf") if root else ()
+    found = [(e.get("version") or "", e.text.strip()) for e in sdfs if e.text.strip()]
     return max(
         found, key=lambda one: [int(w) for w in re.findall("[0-9]{1,4}", one[0])], default=("", "model.sdf")
     )[1]

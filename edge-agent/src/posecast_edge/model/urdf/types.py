@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from posecast_edge.model.finding import Finding
+from posecast_edge.model.kinematics import Matrix, matrix_from_quaternion, quaternion_from_rpy
 
 SHAPES_MAX = 1024  # visuals; as many collisions
 
@@ -31,6 +32,10 @@ class Pose:
 
     xyz: Vector = ZERO
     rpy: Vector = ZERO
+
+    def to_matrix(self) -> Matrix:
+        """parent_from_child as a 4 × 4 matrix."""
+        return matrix_from_quaternion(self.xyz, quaternion_from_rpy(self.rpy))
 
 
 @dataclass(frozen=True)

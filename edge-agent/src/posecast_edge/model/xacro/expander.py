@@ -22,7 +22,7 @@ TEXT_MAX = 8 << 20  # bytes, as of a URDF
 ANSWER_MAX = 4 * TEXT_MAX  # with JSON's escapes
 CHUNK = 1 << 18
 # Python's own variables and the home folder, which has user installations; nothing else of the environment
-PASSED = (
+PASSED = [
     "HOME",
     "PATH",
     "PYTHONPATH",
@@ -31,7 +31,7 @@ PASSED = (
     "PYTHONDONTWRITEBYTECODE",
     "LANG",
     "LC_ALL",
-)
+]
 
 
 @dataclass(frozen=True)

@@ -62,20 +62,22 @@ SKIP = "-"
 ABSENT = frozenset(
     (
         "",
-        "-",
-        "--",
-        "nan",
-        "na",
-        "n/a",
-        "#n/a",
-        "#na",
-        "<na>",
-        "nat",
-        "null",
-        "nil",
-        "none",
-        "-1.#ind",
-        "1.#qnan",
+        *[
+            "-",
+            "--",
+            "nan",
+            "na",
+            "n/a",
+            "#n/a",
+            "#na",
+            "<na>",
+            "nat",
+            "null",
+            "nil",
+            "none",
+            "-1.#ind",
+            "1.#qnan",
+        ],
     )
 )
 NAME_SHOWN = 80  # characters

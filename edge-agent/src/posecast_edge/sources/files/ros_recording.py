@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from posecast_wire.command_line.installation import advise_extra
 
-from posecast_edge.kit import PartLog, kind_of
+from posecast_edge.kit import OnceLog, PartLog, kind_of
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Source
 from posecast_edge.sources.files.playback import Playback, Player, parse_playback
@@ -282,7 +282,7 @@ class _Pass:
         self._descriptions: dict[int, RecordedTopic] = {}
         self._topics = topics  # topic → how it is read
         self._seen: set[int] = set()
-        self._ignored = 0  # topics
+        self._ignored = OnceLog(self._warn, NAMED_MAX)
         self._count: dict[str, int] = {}  # messages of a topic
         self._now_s = 0.0  # the recorder's clock
         self._delivered = False
@@ -381,12 +381,8 @@ class _Pass:
             self._bad.add(f"{self._name}: {kind_of(text)}", f"{self._name}: {text}")
 
     def _ignore(self, topic: str, why: str, met: bool) -> None:
-        if met:
-            return  # logged for an earlier file
-        self._ignored += 1
-        if self._ignored <= NAMED_MAX:
-            more = "; further ones are not logged" if self._ignored == NAMED_MAX else ""
-            self._warn(f"{topic} is ignored: {why}{more}")
+        if not met:  # logged for an earlier file
+            self._ignored.add(f"{topic} is ignored: {why}", topic)
 
     def _warn(self, text: str) -> None:
         if self._bad is not None:

@@ -22,8 +22,7 @@ from posecast_edge.kit import SAY_EVERY_S, RateLimitedLog
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
 from posecast_edge.sources.hubo.ach_shm import ShmReader, find_channel_path
-from posecast_edge.sources.hubo.achd import AchdReader
-from posecast_edge.sources.hubo.achd_protocol import PORT
+from posecast_edge.sources.hubo.achd import PORT, AchdReader
 from posecast_edge.sources.hubo.reconnecting import PersistentReader
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
 

@@ -23,7 +23,7 @@ from posecast_edge.model.mjcf.child import open_no_file
 from posecast_edge.model.mjcf.compiler import explain_failure, make_spec
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
-from posecast_edge.model.urdf.resolver import list_package_folders
+from posecast_edge.model.urdf.resolver import list_package_folders, read_bounded
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
 from posecast_edge.sample import Reading, Sample, SourceError
@@ -53,7 +53,7 @@ SENSORS = {
 }
 
 # The parts of a URDF passed to MuJoCo: those that affect motion. Mesh formats may be unknown to it.
-URDF_KEPT = (
+URDF_KEPT = [
     "link",
     "inertial",
     "mass",
@@ -65,7 +65,7 @@ URDF_KEPT = (
     "axis",
     "limit",
     "dynamics",
-)
+]
 COMPILER = '<mujoco><compiler boundmass="0.001" boundinertia="0.000001" balanceinertia="true"/></mujoco>'
 
 
@@ -74,13 +74,7 @@ def load_simulation(path: Path) -> Simulation:
     (one line) when that fails."""
     files = ModelFiles(str(path))
     try:
-        with path.open("rb") as file:
-            content = file.read(FILE_MAX + 1)
-    except OSError as e:
-        raise SourceError(f"{path}: {e.strerror or e}") from None
-    if len(content) > FILE_MAX:
-        raise SourceError(f"{path}: over {FILE_MAX >> 20} MiB")
-    try:
+        content = read_bounded(path, FILE_MAX)
         if path.suffix.lower() == ".urdf" or b"<robot" in content:
             urdf = read_urdf(io.BytesIO(content))
             spec = mujoco.MjSpec.from_string(strip_visuals(content))

@@ -22,11 +22,17 @@ from posecast_wire.command_line.installation import advise_extra
 from posecast_edge.model.robot_file import find_format
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Defaults, Deliver, Source
-from posecast_edge.sources.mujoco.trial import check_loads
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
     from posecast_edge.sources.mujoco.model import Simulation
+
+
+import resource
+import sys
+
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.mjcf.child import REFUSED, limit_child, run_child
 
 log = logging.getLogger("posecast_edge.mujoco")
 
@@ -86,3 +92,42 @@ class MujocoSource:
                 if not is_reported:
                     is_reported = True
                     log.warning("%s: slower than real time on this machine", self.description)
+
+
+# --- the trial, in a separate process, `python -m posecast_edge.sources.mujoco.source PATH`: a file may make
+# MuJoCo hang, crash or exhaust memory
+
+SECONDS_MAX = 60.0  # to load; a large scene takes a while
+MEMORY_MAX = 1 << 30  # bytes of the process once the model is loaded
+
+
+def check_loads(path: Path) -> None:
+    """Raise SourceError (one line) when the model can't be loaded within the limits of time and memory, or
+    needs files that don't belong to it."""
+    try:
+        run_child("posecast_edge.sources.mujoco.source", [str(path)], None, SECONDS_MAX)
+    except ModelRefused as e:
+        reason = e.reason
+        raise SourceError(reason if reason.startswith(f"{path}") else f"{path}: {reason}"[:400]) from None
+
+
+def main(path: Path) -> int:
+    """Load the model and simulate a moment. Returns the exit status; errors go to stderr."""
+    limit_child()
+    from posecast_edge.sources.mujoco.model import load_simulation  # noqa: PLC0415 - within the bound
+
+    try:
+        simulation = load_simulation(path)
+        simulation.advance(SAMPLE_S)
+        simulation.make_sample()
+        size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10
+        if size > MEMORY_MAX:
+            raise SourceError(f"{path}: needs {size >> 20} MiB of memory, at most {MEMORY_MAX >> 20}")
+    except SourceError as e:
+        print(e, file=sys.stderr)
+        return REFUSED
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))

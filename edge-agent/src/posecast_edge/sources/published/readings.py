@@ -14,8 +14,8 @@ from posecast_wire.schema import BITS_MAX, CHANNELS_MAX
 
 from posecast_edge.kit import many, quote
 from posecast_edge.sample import WORDS, Reading
+from posecast_edge.sources.base import has_lists, split_lists
 from posecast_edge.sources.merge import STATE_S, STREAM_S, LatestReadings
-from posecast_edge.sources.sites import has_lists, split_lists
 
 SHOWN = 40  # characters of a value in a message
 BASE, BASEQ = ("base.x", "base.y", "base.z"), ("base.x", "base.y", "base.z", "base.w")
@@ -197,9 +197,7 @@ Readings = dict[str, Reading]  # by label
 
 PUBLISHERS_MAX = 64  # combinations of a field and its labels
 KEPT_MAX = 64
-STREAMS = frozenset(
-    ("pos", "vel", "effort", "base", "baseq", "ftf", "ftm", "quat", "tilt", "gyro", "acc"),
-)
+STREAMS = frozenset(("pos", "vel", "effort", "base", "baseq", "ftf", "ftm", "quat", "tilt", "gyro", "acc"))
 FLAGS = "flags"
 
 

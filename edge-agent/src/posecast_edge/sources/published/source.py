@@ -33,11 +33,7 @@ class PublishedSource:
     description = "Python"
 
     def __init__(
-        self,
-        slot: PublishedSlot,
-        joints: Sequence[str],
-        profile: Profile | None,
-        problems: ProblemList,
+        self, slot: PublishedSlot, joints: Sequence[str], profile: Profile | None, problems: ProblemList
     ) -> None:
         self._slot, self._joints, self._problems = slot, dict.fromkeys(joints), problems
         # labels of each field of the profile; None: without one, the agent decides

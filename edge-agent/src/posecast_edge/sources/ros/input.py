@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from posecast_edge.kit import PartLog, kind_of
+from posecast_edge.kit import OnceLog, PartLog, kind_of
 from posecast_edge.sample import Sample
 from posecast_edge.sources.merge import STREAM_S
 from posecast_edge.sources.ros.merge import MessageMerger
@@ -48,7 +48,7 @@ class RosInput:
         )
         self._topics: dict[tuple[str, str], Route | None] = {}
         self._messages: dict[str, int] = {}  # topic → count
-        self._ignored: set[str] = set()  # types that were logged
+        self._ignored = OnceLog(log.info, NAMED_MAX, "types")
         self._bad = PartLog(log.warning, "bad messages")
         self._urdf = ""
         self._reported_still = False
@@ -66,10 +66,9 @@ class RosInput:
             self._merge.expect_topic(topic)
             if route.role == "pos":
                 self.frames.expect_states()
-        elif type_name not in TYPES and type_name not in self._ignored and len(self._ignored) < NAMED_MAX:
-            self._ignored.add(type_name)
-            more = "; further types are not logged" if len(self._ignored) == NAMED_MAX else ""
-            log.info("%s: %s is ignored: the type %s is not supported%s", self._name, topic, type_name, more)
+        elif type_name not in TYPES:
+            text = f"{self._name}: {topic} is ignored: the type {type_name} is not supported"
+            self._ignored.add(text, type_name)
         return route
 
     def take_message(self, topic: str, type_name: str, decode: Callable[[], Any]) -> None:

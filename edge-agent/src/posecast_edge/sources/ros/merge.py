@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from posecast_edge.kit import make_visible
+from posecast_edge.kit import OnceLog
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.merge import STATE_S, STREAM_S, LatestReadings
 from posecast_edge.sources.ros.messages import JOINT_STATE, Report
@@ -54,7 +54,6 @@ class MessageMerger:
     lines about channels that two topics report, and about parts of messages that are left out."""
 
     def __init__(self, settled: bool, say: Callable[[str], None]) -> None:
-        self._say = say
         self._last = LatestReadings[Values](PUBLISHERS_MAX)  # by topic
         self._clock = RobotClock()
         self._joints_s: float | None = None  # when positions last arrived
@@ -64,8 +63,8 @@ class MessageMerger:
         self._news = False
         self._info: dict[str, str] = {}
         self._links: dict[str, str] = {}
-        self._doubled: set[tuple[str, str]] = set()
-        self._left_out: set[tuple[str, str]] = set()  # topic and part
+        self._doubled = OnceLog(say, DOUBLES_MAX)
+        self._left_out = OnceLog(say, LEFT_OUT_MAX, "parts")
         self.stands_since_s: float | None = None  # positions arrive, but their timestamps do not advance
 
     def expect_topic(self, topic: str) -> None:
@@ -102,10 +101,7 @@ class MessageMerger:
     def report_left_out(self, topic: str, left_out: Mapping[str, str]) -> None:
         """Report each part of a topic's messages that is left out once (see messages.Report)."""
         for part, why in left_out.items():
-            if (topic, part) not in self._left_out and len(self._left_out) < LEFT_OUT_MAX:
-                self._left_out.add((topic, part))
-                more = "; further parts are not logged" if len(self._left_out) == LEFT_OUT_MAX else ""
-                self._say(make_visible(f"{topic}: {why}; it is left out{more}"))
+            self._left_out.add(f"{topic}: {why}; it is left out", f"{topic} {part}")
 
     def make_sample(self, now_s: float) -> Sample | None:
         """All valid readings, if something arrived since the last call and robot time has advanced; otherwise
@@ -135,16 +131,13 @@ class MessageMerger:
 
     def _look_for_doubles(self, topic: str, values: Values) -> None:
         for other, _, own in self._last.list_all():
-            pair = (min(topic, other), max(topic, other))
-            if other == topic or pair in self._doubled or len(self._doubled) >= DOUBLES_MAX:
+            first, second = sorted((topic, other))
+            if other == topic or self._doubled.has_logged(f"{first} {second}"):
                 continue
             for name, readings in values.items():
                 both = readings.keys() & own.get(name, {}).keys()
                 if both:
-                    self._doubled.add(pair)
-                    more = "; further ones are not logged" if len(self._doubled) == DOUBLES_MAX else ""
-                    self._say(
-                        f"{name} of {min(both)!r} is on {pair[0]} and {pair[1]}: the first is used; "
-                        f"to choose another, set it in a profile's [ros]{more}"
-                    )
+                    text = f"{name} of {min(both)!r} is on {first} and {second}: the first is used"
+                    advice = "to choose another, set it in a profile's [ros]"
+                    self._doubled.add(f"{text}; {advice}", f"{first} {second}")
                     break

@@ -41,11 +41,7 @@ class RobotFrames:
     is called with a line for each problem."""
 
     def __init__(
-        self,
-        profile: Profile | None,
-        merge: MessageMerger,
-        say: Callable[[str], None],
-        namespace: str = "",
+        self, profile: Profile | None, merge: MessageMerger, say: Callable[[str], None], namespace: str = ""
     ) -> None:
         base = profile.ros.base_frames if profile and profile.ros else None
         self.tree = TransformTree(base, say)

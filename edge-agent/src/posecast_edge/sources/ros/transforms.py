@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from posecast_edge.kit import OnceLog
-from posecast_edge.sources.ros.messages import Report, Transform, read_transforms
+from posecast_edge.sources.ros.messages import Report, Transform
 
 FRAMES_MAX = 2048  # of one tree, about a megabyte; further ones are ignored
 OLD_S = 60.0  # a moving transform without an update for this long expires
@@ -50,11 +49,6 @@ class TransformTree:
         self._chain: tuple[list[str], list[str]] | None = None  # see _find_chain
         self._known = False  # whether the chain is up to date
         self._once = OnceLog(say)
-
-    def take_message(self, message: Any, static: bool, now_s: float) -> Report | None:
-        """Take a TFMessage that arrived at `now_s` (seconds). Returns the pose of the base if it was updated.
-        Raises RosMessageError when the message does not match its type."""
-        return self.take_transforms(read_transforms(message)[0], static, now_s)
 
     def take_transforms(self, transforms: Sequence[Transform], static: bool, now_s: float) -> Report | None:
         """Take the transforms of one message. Returns the pose of the base if it was updated."""
