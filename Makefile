@@ -17,7 +17,7 @@ E2E_NEEDS := redis-server chromium firefox-esr webkit2gtk-driver xvfb
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
 DIST  ?= dist
 # more processes than cores, because most tests wait
-PYTEST := $(BIN)/pytest --numprocesses 4 --dist worksteal
+PYTEST := $(BIN)/pytest --numprocesses 6 --dist worksteal
 PYTHON_NEEDS := for package in redis-server nginx rsync prometheus; do tools/need $$package || exit; done
 E2E    := npm run --silent e2e -w spa -- --retry=1
 

@@ -342,8 +342,8 @@ def test_a_robot_of_many_channels_has_its_share() -> None:
 
 def test_many_of_them_share_what_there_is() -> None:
     world = World()
-    found = decoded_in(world, DecodeCache(lambda: world.now), 2000, 10, 4.0)
-    each = CHANNELS_PER_S / 10 * 4.0 / 2000
+    found = decoded_in(world, DecodeCache(lambda: world.now), 1000, 10, 4.0)
+    each = CHANNELS_PER_S / 10 * 4.0 / 1000
     assert sum(found.values()) <= 1.3 * 10 * each
     assert min(found.values()) >= 0.6 * each
 
