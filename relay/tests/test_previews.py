@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import html
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -26,7 +27,7 @@ from posecast_testing import until
 from posecast_wire import Schema, build_schema_text
 
 from .pictures import make_png
-from .stage import Model, SharedRelay
+from .stage import Model, Relay, SharedRelay
 from .test_model_cache import MB, Edge, sha256
 
 CARD = (
@@ -57,29 +58,44 @@ def read_tags(page: str) -> dict[str, str]:
     return {name: html.unescape(text) for name, text in found}
 
 
-@pytest.fixture
-def start(relays: Any, tmp_path: Path) -> Any:
-    """A relay with a robot for anyone, one for anyone on some pages, and one for those with a link."""
-    folder = tmp_path / "page"
-    folder.mkdir()
-    (folder / "index.html").write_text(CARD)
-    robots = tmp_path / "robots.toml"
-    robots.write_text(
-        "[robots.open.anyone]\n[robots.course.anyone]\nframes=['https://course.example']\n[robots.lab.link]\n"
-    )
-    robots.chmod(0o600)
-    return lambda *flags: relays("--dev", "--static", str(folder), "--robots", str(robots), *flags)
+ROBOTS = (
+    "[robots.course.anyone]\nframes=['https://course.example']\n[robots.lab.link]\n[robots.dark.link]\n"
+    + "".join(f"[robots.{robot}.anyone]\n" for robot in ("open", "html", "huge", "text"))
+)
 
 
-def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(
-    start: Any, edges: Any, tmp_path: Path
-) -> None:
-    relay = start("--public-url", AT + "/")
+class Place(Relay):
+    """A relay with robots for anyone, one for anyone on some pages, and two for those with a link."""
+
+    def __init__(self, folder: Path, *flags: str) -> None:
+        self.page, self.robots = folder / "page", folder / "robots.toml"
+        self.page.mkdir()
+        self.robots.write_text(ROBOTS)
+        self.robots.chmod(0o600)
+        self.write(CARD)
+        super().__init__(folder, "--static", str(self.page), "--robots", str(self.robots), *flags)
+
+    def write(self, index: str) -> None:
+        """Another page."""
+        (self.page / "index.html").write_text(index)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Place]:
+    """With an address of its own."""
+    place = Place(tmp_path_factory.mktemp("place"), "--public-url", AT + "/")
+    yield place
+    place.stop()
+    assert "Traceback" not in place.errors(), place.errors()
+
+
+def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(place: Place, edges: Any) -> None:
+    place.write(CARD)
     model = PicturedModel(SMALL)
-    edges(relay.zenoh, robot="open", of=named(EVIL), model=model)
-    edges(relay.zenoh, robot="lab", of=named("secret"), model=model)
-    edges(relay.zenoh, robot="course", of=named(PERSIAN))
-    base = f"http://{relay.address}"
+    edges(place.zenoh, robot="open", of=named(EVIL), model=model)
+    edges(place.zenoh, robot="lab", of=named("secret"), model=model)
+    edges(place.zenoh, robot="course", of=named(PERSIAN))
+    base = place.base
 
     def page(path: str, **headers: str) -> str:
         return httpx.get(base + path, headers=headers).text
@@ -133,26 +149,26 @@ def test_a_chat_sees_who_anyone_may_see_and_of_others_the_general_words(
     for none in (httpx.get(f"{base}/api/v1/oembed"), oembed_of("")):
         assert (none.status_code, none.json()) == (400, {"error": "give url=, the address of a robot's page"})
 
-    robots = tmp_path / "robots.toml"
-    robots.write_text(robots.read_text().replace("[robots.lab.link]", "[robots.lab.anyone]"))
+    place.robots.write_text(ROBOTS.replace("[robots.lab.link]", "[robots.lab.anyone]"))
     until("it was hidden, and is not now", lambda: "secret" in page("/r/lab"))
 
 
-def test_without_an_address_of_its_own_a_relay_makes_no_whole_ones(start: Any, edges: Any) -> None:
-    relay = start()
-    edges(relay.zenoh, robot="open", of=named("Otto"), model=PicturedModel(SMALL))
-    base = f"http://{relay.address}"
-    until("a picture", lambda: "/picture" in httpx.get(f"{base}/r/open").text)
-    page = httpx.get(f"{base}/r/open", headers={"host": "evil.example"}).text
+def test_without_an_address_of_its_own_a_relay_makes_no_whole_ones(relay: SharedRelay, edges: Any) -> None:
+    (relay.page / "index.html").write_text(CARD)
+    edges(relay, of=named("Otto"), model=PicturedModel(SMALL))
+    base, robot = relay.base, relay.robot
+    until("a picture", lambda: "/picture" in httpx.get(f"{base}/r/{robot}").text)
+    page = httpx.get(f"{base}/r/{robot}", headers={"host": "evil.example"}).text
     tags = read_tags(page)
-    assert tags["og:image"] == "../api/v1/robots/open/picture"
+    assert tags["og:image"] == f"../api/v1/robots/{robot}/picture"
     assert "og:url" not in tags
     assert "oembed" not in page
     assert "evil.example" not in page
-    assert httpx.get(f"{base}/api/v1/oembed", params={"url": f"{base}/r/open"}).status_code == 404
+    assert httpx.get(f"{base}/api/v1/oembed", params={"url": f"{base}/r/{robot}"}).status_code == 404
 
 
-def test_a_picture_that_the_relay_does_not_serve_is_not_named(start: Any, edges: Any, tmp_path: Path) -> None:
+def test_a_picture_that_the_relay_does_not_serve_is_not_named(place: Place, edges: Any) -> None:
+    place.write(CARD)
     invalid = "the picture in this model can't be shown: "
     pictures = {
         "html": (b"<script>alert(1)</script>", "image/png", f"{invalid}not a valid image/png"),
@@ -163,11 +179,9 @@ def test_a_picture_that_the_relay_does_not_serve_is_not_named(start: Any, edges:
         ),
         "text": (SMALL, "text/plain", "no picture in this model"),
     }
-    (tmp_path / "robots.toml").write_text("".join(f"[robots.{robot}.anyone]\n" for robot in pictures))
-    relay = start("--public-url", AT)
     for robot, (picture, type_, _) in pictures.items():
-        edges(relay.zenoh, robot=robot, of=named("Otto"), model=PicturedModel(picture, type_))
-    base = f"http://{relay.address}"
+        edges(place.zenoh, robot=robot, of=named("Otto"), model=PicturedModel(picture, type_))
+    base = place.base
     for robot, (_, _, says) in pictures.items():
         api = f"{base}/api/v1/robots/{robot}"
         until("a model", lambda api=api: httpx.get(api).json().get("model"))  # type: ignore[misc]
@@ -340,20 +354,14 @@ def test_the_page_is_told_how_many_folders_above_its_files_are() -> None:
     assert "<meta more></head>" in placed
 
 
-def test_a_robots_path_is_the_page_and_a_mistyped_one_the_page_with_404(relays: Any, tmp_path: Path) -> None:
-    folder = tmp_path / "page"
-    folder.mkdir()
-    (folder / "index.html").write_text(INDEX)
-    robots = tmp_path / "robots.toml"
-    robots.write_text("[robots.open.anyone]\n[robots.lab.link]\n")
-    robots.chmod(0o600)
-    base = f"http://{relays('--static', str(folder), '--robots', str(robots)).address}"
+def test_a_robots_path_is_the_page_and_a_mistyped_one_the_page_with_404(place: Place) -> None:
+    place.write(INDEX)
 
     def ask(path: str, **headers: str) -> httpx.Response:
-        return httpx.get(base + path, headers=headers)
+        return httpx.get(place.base + path, headers=headers)
 
     for headers in ({}, A_BROWSER):  # a chat that shows the link asks for anything
-        hidden, absent = ask("/r/lab", **headers), ask("/r/no-such", **headers)
+        hidden, absent = ask("/r/dark", **headers), ask("/r/no-such", **headers)
         assert hidden.status_code == 200
         assert 'data-home="../"' in hidden.text
         assert (hidden.text, hidden.status_code) == (absent.text, absent.status_code), "no robot is betrayed"
@@ -371,12 +379,12 @@ def test_a_robots_path_is_the_page_and_a_mistyped_one_the_page_with_404(relays: 
         assert [answer.headers["vary"] for answer in (page, plain)] == ["accept"] * 2, path
     deep = ask("/x" * 18, **A_BROWSER)
     assert (deep.status_code, deep.json()) == (404, {"error": "Not Found"})
-    for path in ("/api/v1/nothing", "/api/v1/robots/lab", "/api", "/livez/x"):
+    for path in ("/api/v1/nothing", "/api/v1/robots/dark", "/api", "/livez/x"):
         assert ask(path, **A_BROWSER).status_code == 404, path
     assert "error" in ask("/api/v1/nothing", **A_BROWSER).json()
-    assert httpx.post(base + "/r/demo").status_code == 405
-    assert httpx.head(base + "/r/demo").status_code == 200
-    (folder / "index.html").unlink()
+    assert httpx.post(place.base + "/r/demo").status_code == 405
+    assert httpx.head(place.base + "/r/demo").status_code == 200
+    (place.page / "index.html").unlink()
     assert ask("/r/demo", **A_BROWSER).status_code == 404, "a page that is being built anew"
 
 
