@@ -16,8 +16,8 @@ ENGINES   := chromium firefox webkitgtk
 E2E_NEEDS := redis-server chromium firefox-esr webkit2gtk-driver xvfb
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
 DIST  ?= dist
-# more processes than cores, because most tests wait; one that fails on a busy machine is run once more, and reported
-PYTEST := $(BIN)/pytest --reruns 1 -rR --numprocesses 4 --dist worksteal
+# more processes than cores, because most tests wait
+PYTEST := $(BIN)/pytest --numprocesses 6 --dist worksteal
 PYTHON_NEEDS := for package in redis-server nginx rsync prometheus; do tools/need $$package || exit; done
 E2E    := npm run --silent e2e -w spa -- --retry=1
 

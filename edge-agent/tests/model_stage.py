@@ -233,9 +233,9 @@ ROBOTS = {
     "g1": "unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf",
     "g1-hands": "unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf",
 }
-# as parameters; the largest takes minutes to build on a busy machine; g1 stands for g1-hands in `make test`
-LONG = ("hubo2plus-collada", "g1-hands")
-TO_BUILD = [pytest.param(name, marks=[pytest.mark.full] if name in LONG else []) for name in ROBOTS]
+# as parameters; in `make test` one with its own meshes, and one drawn by its collision bodies
+QUICK = ("g1", "hubo2plus-collision")
+TO_BUILD = [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.full]) for name in ROBOTS]
 
 
 def shared_file(path: str) -> Path:

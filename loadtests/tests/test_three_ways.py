@@ -25,7 +25,7 @@ PAGE = (ROOT / "docs/how-to/scale/load-tests.md").read_text()
 HEADLESS, WITH_PAGE, MASTER, WORKER = re.findall(r"^```sh\n(locust .*)\n```$", PAGE, re.MULTILINE)
 VIEWERS = 12
 SMALLER = {
-    "-u 500 -r 50 -t 60s": f"-u {VIEWERS} -r {VIEWERS} -t 15s",
+    "-u 500 -r 50 -t 60s": f"-u {VIEWERS} -r {VIEWERS} -t 5s",
     "--viewers 2000": f"--viewers {VIEWERS}",
 }
 
@@ -91,6 +91,7 @@ def test_headless(site: Site, tmp_path: Path) -> None:
     assert "frame, healthy: 1 in 10" in (tmp_path / "load.html").read_text()
 
 
+@pytest.mark.full
 def test_with_its_page_twice(site: Site) -> None:
     port = free_port()
     process, log = site.start(WITH_PAGE, "--web-host", "127.0.0.1", "--web-port", str(port))
@@ -124,7 +125,6 @@ def test_with_its_page_twice(site: Site) -> None:
     assert process.wait(60) == (log.read_text().count("all limits kept") < 2)
 
 
-# whose lines, workers and report test_a_worker_that_is_lost_is_a_broken_limit plays in `make test` too
 @pytest.mark.full
 def test_with_workers(site: Site) -> None:
     port = str(free_port())
@@ -139,6 +139,7 @@ def test_with_workers(site: Site) -> None:
         assert worker.wait(60) == 0, its_log.read_text()
 
 
+@pytest.mark.full
 def test_a_worker_that_is_lost_is_a_broken_limit(site: Site) -> None:
     port = str(free_port())
     (first, _), _ = [site.start(WORKER, "--master-port", port) for _ in range(2)]

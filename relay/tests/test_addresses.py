@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 import websockets
-from posecast_relay.auth.addresses import Addresses, find_real_address, is_loopback, parse_networks
+from posecast_relay.auth.addresses import Addresses, find_real_address, is_loopback, may_show, parse_networks
 
 TRUSTED = parse_networks("10.0.0.0/8, 127.0.0.1, fd00::/8")
 
@@ -97,3 +97,46 @@ async def test_streams_of_one_address_are_capped_behind_a_proxy_and_without(rela
     async with asyncio.timeout(10):
         while not await again():  # the relay hears of the end a moment later
             await asyncio.sleep(0.02)
+
+
+# ---- which pages may show what is not for everybody ----------------------------------
+
+
+LISTED = ("https://good.com", "https://lab.example:8443")
+
+
+@pytest.mark.parametrize(
+    ("origin", "may"),
+    [
+        (None, True),  # no browser
+        ("https://good.com", True),
+        ("https://lab.example:8443", True),
+        ("https://relay.example", True),  # the very host that is asked
+        ("http://relay.example", True),
+        ("https://good.com.evil.com", False),
+        ("https://evilgood.com", False),
+        ("https://evil.com", False),
+        ("http://good.com", False),
+        ("https://good.com:444", False),
+        ("https://lab.example", False),
+        ("https://relay.example.evil.com", False),
+        ("https://relay.example:8443", False),
+        ("https://relay.example@evil.com", False),
+        ("https://evil.com@relay.example", False),
+        ("https://relay.example/x", False),
+        ("ftp://relay.example", False),
+        ("null", False),
+        ("", False),
+        ("https://[", False),
+        (" https://relay.example", False),
+        ("https://relay.example ", False),
+        ("*", False),
+    ],
+)
+def test_an_origin(origin: str | None, may: bool) -> None:
+    assert may_show(origin, "relay.example", LISTED) is may
+
+
+def test_without_a_host_nothing_is_the_same_host() -> None:
+    assert not may_show("https://", "", ())
+    assert not may_show("https://", None, ())

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 import zenoh
+from posecast_relay.http.answers import Readiness, RobotDetails, RobotList, RobotState
 from posecast_relay.http.app import NO_PAGE
 from posecast_testing import until
 from posecast_wire.keys import alive_key
@@ -17,6 +19,7 @@ from posecast_wire.keys import alive_key
 from .past_doors import PastDoors
 from .sim import mixed
 from .stage import Model, Relay, SharedRelay, Watcher, client_config
+from .test_admin import Lab
 
 MESH = bytes(range(256)) * 2500  # 640 kB: three ranges
 
@@ -342,3 +345,56 @@ async def test_a_relay_without_a_page_says_so() -> None:
         await doors.stop()
     assert (answer.status_code, answer.text) == (404, NO_PAGE)
     assert "--static DIR" in NO_PAGE
+
+
+# ---- /openapi.json: every route says what it answers, and the answers are so ---------
+
+
+@pytest.fixture
+def lab_with_past(tmp_path: Path, relays: Callable[..., Relay]) -> Lab:
+    """Which has all routes that there are."""
+    return Lab(tmp_path, relays, "--past", "memory:")
+
+
+def list_answers(document: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Route, status, and schema by media type, of what is answered when nothing is refused."""
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            for status, answer in operation["responses"].items():
+                if status.startswith("2") and status != "204":
+                    yield f"{method.upper()} {path}", status, answer.get("content", {})
+
+
+def test_every_route_says_what_it_answers(lab_with_past: Lab) -> None:
+    document = httpx.get(f"http://{lab_with_past.relay.address}/openapi.json").json()
+    answers = list(list_answers(document))
+    assert len(answers) > 15
+    for route, status, content in answers:
+        assert content, f"{route} {status} says nothing of its answer"
+        for media_type, told in content.items():
+            assert told.get("schema"), f"{route} {status} {media_type}: an empty schema"
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            assert operation["summary"], f"{method} {path}"
+            assert operation["responses"]["default"]["content"]["application/json"]["schema"], path
+
+
+def test_answers_are_as_described(relay: Relay, edges: Any) -> None:
+    """With every member that the description names for these, and no other."""
+
+    def ask(path: str) -> Any:
+        answer = httpx.get(relay.base + path)
+        return answer.json() if answer.status_code == 200 else None
+
+    edges(relay)
+    state = RobotState.model_validate(until("a state", lambda: ask(f"{relay.path}/state")), strict=True)
+    assert state.model_fields_set == RobotState.model_fields.keys()
+    details = RobotDetails.model_validate(ask(relay.path))
+    assert details.model_fields_set == RobotDetails.model_fields.keys()
+
+    def is_listed() -> bool:
+        robots = RobotList.model_validate(ask("/api/v1/robots")).robots
+        return relay.robot in [each.robot for each in robots]
+
+    until("the list, a second old, has it", is_listed)
+    assert Readiness.model_validate(ask("/readyz")).status == "ready"

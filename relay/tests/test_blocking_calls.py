@@ -17,7 +17,7 @@ from posecast_relay.auth import tokens
 from posecast_relay.auth.tokens import Tokens, Unverifiable
 from posecast_relay.core.policy import Audience, Principal
 from posecast_relay.mirror.firebase import ServiceAccount
-from posecast_relay.runtime.tasks import BlockingCalls
+from posecast_relay.runtime.tasks import BlockingCalls, SharedTasks
 from posecast_testing import until_async
 
 HANGS = """
@@ -161,3 +161,40 @@ async def test_a_thread_that_the_system_refuses_leaves_its_place_free(
         with pytest.raises(RuntimeError):
             await calls.run(int)
     assert await calls.run(int) == 0
+
+
+# ---- what several ask for at the same time is done once ------------------------------
+
+
+async def test_those_who_ask_meanwhile_wait_for_the_same_task() -> None:
+    tasks, gate, calls = SharedTasks("test"), asyncio.Event(), 0
+
+    async def work() -> int:
+        nonlocal calls
+        calls += 1
+        await gate.wait()
+        return calls
+
+    first, second, other = (asyncio.create_task(tasks.run(key, work)) for key in ("a", "a", "b"))
+    await asyncio.sleep(0)
+    assert len(tasks.list_running()) == 2
+    first.cancel()  # the others go on waiting
+    await asyncio.sleep(0)
+    gate.set()
+    assert list(await asyncio.gather(second, other)) == [2, 2]
+    assert tasks.list_running() == []
+    assert await tasks.run("a", work) == 3
+
+
+async def test_a_failure_is_told_to_all_and_done_anew() -> None:
+    tasks = SharedTasks("test")
+
+    async def fail() -> None:
+        raise ValueError("no")
+
+    found = await asyncio.gather(*(tasks.run("a", fail) for _ in range(2)), return_exceptions=True)
+    assert [str(error) for error in found] == ["no", "no"]
+    assert found[0] is found[1]
+    with pytest.raises(ValueError, match="no") as again:
+        await tasks.run("a", fail)
+    assert again.value is not found[0]

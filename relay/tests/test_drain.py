@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import threading
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
+import pytest
+import uvicorn
+from posecast_relay.server.http_server import RelayServer
 from posecast_wire import Close
 
 from .sim import World
@@ -115,6 +121,17 @@ async def test_a_process_moves_its_viewers_away_takes_no_new_ones_and_ends_with_
     assert "connections are still open" not in relay.errors()
 
 
+def test_after_a_second_signal_nobody_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threading, "Timer", MagicMock())  # it would end this process
+    dispatcher: Any = SimpleNamespace(draining=False)
+    dispatcher.drain = lambda: setattr(dispatcher, "draining", True)
+    server = RelayServer(uvicorn.Config("no:app"), [dispatcher], lambda: None, lambda: None)
+    for ends in (False, True):
+        server.leave()
+        assert (server.should_exit, server.force_exit, dispatcher.draining) == (ends, ends, True)
+
+
+@pytest.mark.full
 async def test_a_second_signal_ends_it_at_once(relays: Any, edges: Any) -> None:
     relay = relays()
     edge = edges(relay.zenoh)

@@ -32,7 +32,9 @@ async def ends(relays: list[Relay]) -> None:
         assert "connections are still open" not in relay.errors()
 
 
-@pytest.mark.parametrize("how", ["alive", "dead", "frozen"])
+@pytest.mark.parametrize(
+    "how", ["frozen", *(pytest.param(how, marks=pytest.mark.full) for how in ("alive", "dead"))]
+)
 async def test_every_role_ends_however_redis_is(
     relays: Any, edges: Any, redis_server: Redis, how: str
 ) -> None:

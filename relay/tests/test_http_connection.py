@@ -7,10 +7,12 @@ import re
 import socket
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import httpx
 import pytest
@@ -20,21 +22,30 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.limits import Limits
 from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.net.http1 import (
+    ASK_S,
     BODY_BYTES,
+    CROWD,
     HEAD_BYTES,
     HEADS_BYTES,
+    HURRIED_S,
     LINES,
     PIPELINED,
+    REQUEST_BYTES,
+    STARTED_PER_TURN,
+    SWEEP_S,
     TARGET_BYTES,
     HttpConnection,
+    PendingRequests,
     RequestTimeouts,
 )
-from posecast_relay.net.sse import make_http_protocol
+from posecast_relay.net.sse import TURN_S, HandshakeQueue, make_http_protocol
 from posecast_relay.net.websocket import make_live_protocol
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
+from posecast_testing import free_port
 
-from .stage import Relay, Watcher
+from .stage import Relay, SharedRelay, Watcher
+from .test_observability import figures
 
 MB = 1_000_000
 READ = 256_000  # bytes that an event loop reads at once
@@ -235,3 +246,246 @@ async def test_floods_of_headers_cost_neither_memory_nor_frames(relays: Any, edg
     assert peak_mb(relay) - before_mb < 60
     assert httpx.get(f"http://{relay.address}/livez").status_code == 200
     assert relay.errors() == ""
+
+
+# ---- handshakes spread over turns of the loop ----------------------------------------
+
+
+async def test_many_at_once_leave_room_for_others_and_keep_their_order(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    now, entered, between = 100.0, list[int](), list[int]()
+    monkeypatch.setattr("posecast_relay.net.sse.time", SimpleNamespace(monotonic=lambda: now))
+    doorway = HandshakeQueue()
+
+    def enter(number: int) -> None:
+        nonlocal now
+        now += TURN_S / 4
+        entered.append(number)
+        if number == 5:
+            raise ValueError("this one only")
+
+    for number in range(20):
+        doorway.admit(lambda number=number: enter(number))  # type: ignore[misc]
+    assert entered == []
+    while len(entered) < 20:
+        await asyncio.sleep(0)
+        between.append(len(entered))
+    assert entered == list(range(20))
+    assert max(b - a for a, b in pairwise([0, *between])) <= 5
+    assert [record.getMessage() for record in caplog.records] == ["handshake failed"]
+    doorway.admit(lambda: entered.append(20))
+    while len(entered) < 21:
+        await asyncio.sleep(0)
+
+
+# ---- answers that wait: one bound in bytes, and thousands that are never read -----------
+
+
+UNREAD = 2500
+
+
+class Asker:
+    """A connection that only notes its end."""
+
+    def __init__(self) -> None:
+        self.was_cut = False
+
+    def cut(self) -> None:
+        """As a connection's."""
+        self.was_cut = True
+
+
+async def test_addresses_take_turns_and_health_does_not_queue() -> None:
+    under_way, order = PendingRequests(), list[str]()
+    for number in range(3000):
+        under_way.wait(Asker(), "crowd", "crowd", partial(order.append, f"crowd {number}"))
+    under_way.wait(Asker(), "crowd", "crowd health", partial(order.append, "health"))
+    under_way.wait(Asker(), "other", "other", partial(order.append, "other"))
+    under_way.wait(Asker(), "other", "other", partial(order.append, "other's second"))
+    assert order == []
+    await asyncio.sleep(0)
+    assert len(order) == STARTED_PER_TURN
+    assert order[:5] == ["crowd 0", "health", "other", "crowd 1", "other's second"]
+    turns = 1
+    while len(order) < 3003:
+        before = len(order)
+        await asyncio.sleep(0)
+        turns += 1
+        assert len(order) - before <= STARTED_PER_TURN
+    assert [name for name in order if name.startswith("crowd")] == [f"crowd {n}" for n in range(3000)]
+
+
+async def test_who_has_left_is_not_answered_and_takes_no_turn() -> None:
+    under_way, order = PendingRequests(), list[int]()
+    askers = [Asker() for _ in range(500)]
+    for number, asker in enumerate(askers):
+        under_way.wait(asker, "a", "a", partial(order.append, number))
+    for asker in askers[:-1]:
+        under_way.leave(asker)
+    await asyncio.sleep(0)
+    assert order == [499]
+    under_way.leave(askers[-1])
+    under_way.leave(askers[-1])
+    assert (len(under_way), under_way.held_bytes) == (0, 0)
+
+
+async def test_beyond_the_bound_the_heaviest_address_loses_what_was_not_read_for_longest() -> None:
+    room = 10 * REQUEST_BYTES
+    under_way = PendingRequests(room)
+    few, many = [Asker() for _ in range(3)], [Asker() for _ in range(4)]
+    for asker in few:
+        under_way.wait(asker, "few", "few", lambda: None)
+    for asker in many:
+        under_way.wait(asker, "many", "many", lambda: None)
+    under_way.record_held(many[0], REQUEST_BYTES)
+    under_way.record_held(many[1], REQUEST_BYTES)
+    under_way.record_held(many[0], REQUEST_BYTES // 2)  # it has taken some
+    assert under_way.held_bytes == 8.5 * REQUEST_BYTES
+    under_way.record_held(few[0], 2 * REQUEST_BYTES)
+    assert [asker.was_cut for asker in many] == [False, False, True, False]
+    assert not any(asker.was_cut for asker in few)
+    assert under_way.held_bytes == 9.5 * REQUEST_BYTES
+    under_way.record_held(
+        many[3], 1 + REQUEST_BYTES // 2
+    )  # now `many` is the heavier again, and 3 has just read
+    assert [asker.was_cut for asker in many] == [False, True, True, False]
+    assert under_way.held_bytes <= room
+    under_way.record_held(few[0], 20 * REQUEST_BYTES)  # more than there is room for
+    assert few[0].was_cut
+
+
+def asking(relay: Relay, path: str) -> socket.socket:
+    """Somebody who asks and reads nothing."""
+    sock = socket.socket()
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    sock.connect(("127.0.0.1", relay.http))
+    sock.sendall(f"GET {path} HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+    return sock
+
+
+async def test_thousands_of_answers_that_nobody_reads(relays: Any, edges: Any, tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("page")
+    (tmp_path / "long.js").write_bytes(bytes(2_000_000))
+    relay: Relay = relays("--static", str(tmp_path))
+    edges(relay.zenoh).hz = 10.0
+    with ExitStack() as stack:
+        async with (
+            Watcher(relay.url(query="?hz=60")) as viewer,
+            httpx.AsyncClient(base_url=f"http://{relay.address}") as client,
+        ):
+            await viewer.until("frames", lambda v: len(v.frames) > 10)
+            before_mb, first, live = peak_mb(relay), viewer.frames[-1][1].seq, 0
+            for number in range(UNREAD):
+                stack.enter_context(asking(relay, "/long.js"))
+                if number % 50 == 49:
+                    assert (await client.get("/livez")).status_code == 200
+                    live += 1
+            assert (await client.get("/long.js")).content == bytes(2_000_000)
+            await viewer.until("further frames", lambda v: v.frames[-1][1].seq > first + 10)
+            seqs = [frame.seq for _, frame in viewer.frames if frame.seq >= first]
+            assert len(seqs) >= 0.5 * (seqs[-1] - first)  # the share that it keeps `make attack` measures
+            assert viewer.closed is None
+            assert live == UNREAD // 50
+    assert peak_mb(relay) - before_mb < 60
+
+
+async def test_a_reader_that_is_slow_gets_all_of_it(relay: SharedRelay) -> None:
+    (relay.page / "long.js").write_bytes(b"abcdefghij" * 30_000)
+
+    def read() -> bytes:
+        with asking(relay, "/long.js") as sock:
+            said = b""
+            while len(said.partition(b"\r\n\r\n")[2]) < 300_000:
+                said += sock.recv(1000)
+            return said.partition(b"\r\n\r\n")[2]
+
+    assert await asyncio.to_thread(read) == b"abcdefghij" * 30_000
+
+
+# ---- who connects and does not ask holds a socket for seconds, not for ever ----------
+
+
+class Line:
+    """A transport that only notes its end."""
+
+    def __init__(self) -> None:
+        self.aborted = False
+
+    def abort(self) -> None:
+        """As asyncio's."""
+        self.aborted = True
+
+
+async def test_the_slow_go_and_in_a_crowd_the_oldest_go_sooner() -> None:
+    now = [100.0]
+    cut: list[int] = []
+    unasked = RequestTimeouts(lambda: now[0], cut.append)
+    lines = [Line() for _ in range(CROWD + 7)]
+    for line in lines:
+        unasked.start(cast(Any, line))
+    unasked.stop(cast(Any, lines[0]))  # it asked
+    now[0] += HURRIED_S + 0.1
+    await asyncio.sleep(2 * SWEEP_S)
+    assert [n for n, line in enumerate(lines) if line.aborted] == [1, 2, 3, 4, 5, 6]
+    for line in lines[7:57]:
+        unasked.stop(cast(Any, line))
+    now[0] += ASK_S
+    await asyncio.sleep(2 * SWEEP_S)
+    assert [line.aborted for line in lines] == [False] + [True] * 6 + [False] * 50 + [True] * (CROWD - 50)
+    assert sum(cut) == CROWD - 50 + 6
+
+
+def is_open(sock: socket.socket) -> bool:
+    """Whether the relay still holds this connection."""
+    try:
+        return sock.recv(100) != b""
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+
+
+async def test_six_hundred_half_requests_hurt_nobody(relays: Any, edges: Any) -> None:
+    port = free_port()
+    relay = relays("--metrics-port", str(port))
+    edges(relay.zenoh)
+    with ExitStack() as stack:
+        async with (
+            Watcher(relay.url()) as viewer,
+            httpx.AsyncClient(base_url=f"http://{relay.address}") as client,
+        ):
+            await viewer.until("frames", lambda v: len(v.frames) > 10)
+            slow = []
+            for n in range(600):
+                sock = stack.enter_context(socket.create_connection(("127.0.0.1", relay.http)))
+                sock.sendall(b"GET / HTTP/1.1\r\nHost:" if n % 2 else b"")
+                sock.setblocking(False)
+                slow.append(sock)
+            async with asyncio.timeout(ASK_S + 60.0), Watcher(relay.url()) as late:
+                await late.until("frames", lambda v: len(v.frames) > 10)
+                while any(is_open(sock) for sock in slow):
+                    assert (await client.get("/livez")).status_code == 200
+                    for sock in slow[1::2]:
+                        if is_open(sock):
+                            sock.send(b"x")  # a byte now and then is no request either
+                    await asyncio.sleep(0.2)
+                assert late.closed is None
+                seq = late.frames[-1][1].seq
+                await late.until("further frames", lambda v: v.frames[-1][1].seq > seq + 5)
+            assert viewer.closed is None
+            found = await asyncio.to_thread(figures, port)
+    assert found["posecast_handshakes_total|never asked"] == 600
+    assert found["posecast_handshakes_total|accepted"] == 2
+
+
+async def test_who_leaves_while_several_of_its_requests_are_answered_is_no_mistake_of_ours(
+    relay: SharedRelay,
+) -> None:
+    (relay.page / "long.js").write_bytes(bytes(1_000_000))
+    for _ in range(40):  # each left behind a traceback one time in three
+        with socket.create_connection(("127.0.0.1", relay.http)) as sock:
+            sock.sendall(5 * b"GET /long.js HTTP/1.1\r\nHost: x\r\n\r\n")
+            assert await asyncio.to_thread(sock.recv, 1000)
+    async with httpx.AsyncClient(base_url=relay.base) as client:
+        assert (await client.get("/livez")).status_code == 200

@@ -5,14 +5,27 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import re
 import socket
+import ssl
 import subprocess
 import sys
 from typing import Any
 
 import pytest
 from posecast_relay import logging as logs
-from posecast_relay.logging import LINE_MAX, JsonLines, describe_error, visible
+from posecast_relay.logging import (
+    KINDS_MAX,
+    LINE_MAX,
+    LINES_PER_S,
+    OF_A_KIND,
+    WINDOW_S,
+    JsonLines,
+    LoopExceptionHandler,
+    RepeatFilter,
+    describe_error,
+    visible,
+)
 from posecast_testing import until
 
 from .stage import Relay
@@ -145,3 +158,125 @@ async def test_a_crowd_that_comes_and_goes_is_counted(relays: Any) -> None:
     await asyncio.to_thread(
         until, "the rest is counted", lambda: "viewer connected … and " in relay.errors(), 30
     )
+
+
+# ---- what repeats is said a few times, then counted. The clock is passed in ----------
+
+
+def record(line: int, text: str = "it broke", level: int = logging.WARNING) -> logging.LogRecord:
+    """One that is written at this line of a file."""
+    return logging.LogRecord("x", level, "file.py", line, text, None, None)
+
+
+def counted(records: list[logging.LogRecord]) -> int:
+    """How many lines these say were left out."""
+    found = [re.search(r"… and ([\d,]+) more in", each.getMessage()) for each in records]
+    return sum(int(each[1].replace(",", "")) for each in found if each is not None)
+
+
+def test_a_flood_of_one_kind_is_said_a_few_times_and_counted() -> None:
+    repeats, said, told = RepeatFilter(), 0, list[logging.LogRecord]()
+    for number in range(5000):
+        now_s = number / 100
+        told += repeats.take_summaries(now_s)
+        said += repeats.allow_record(record(1, f"name {number}"), now_s)
+    told += repeats.take_summaries(50 + WINDOW_S)
+    assert said == OF_A_KIND * 50 / WINDOW_S
+    assert said + counted(told) == 5000
+    assert told[0].getMessage() == "name 0 … and 990 more in 10 s"
+    assert told[0].levelno == logging.WARNING
+    assert not repeats.owes
+
+
+def test_no_attack_writes_more_than_ten_lines_a_second_and_each_is_counted() -> None:
+    repeats, written, sums = RepeatFilter(), list[float](), list[logging.LogRecord]()
+    lines = 0
+    for number in range(20_000):
+        now_s = number / 500
+        found = repeats.take_summaries(now_s)
+        sums += found
+        written += [now_s] * len(found)
+        if repeats.allow_record(record(number % 200), now_s):  # 200 kinds
+            written.append(now_s)
+            lines += 1
+    now_s = 40.0
+    while repeats.owes:
+        now_s += 1.0
+        sums += repeats.take_summaries(now_s)
+    assert lines + counted(sums) == 20_000
+    for second in range(40):
+        assert sum(1 for at in written if second <= at < second + 1) <= LINES_PER_S
+    assert len(repeats._kinds) <= KINDS_MAX + 1
+
+
+def test_a_kind_is_a_place_and_an_error_and_not_a_name() -> None:
+    repeats = RepeatFilter()
+
+    def failed(error: Exception) -> logging.LogRecord:
+        try:
+            raise error
+        except Exception as e:
+            made = record(1)
+            made.exc_info = (type(e), e, e.__traceback__)
+            return made
+
+    for number in range(OF_A_KIND):
+        assert repeats.allow_record(failed(ValueError(f"name {number}")), 0.1 * number)
+    assert not repeats.allow_record(failed(ValueError("another")), 1.5)
+    assert repeats.allow_record(failed(KeyError("another")), 1.5)
+
+
+def test_who_asks_for_level_debug_gets_it_all() -> None:
+    repeats = RepeatFilter()
+    assert all(repeats.allow_record(record(1, level=logging.DEBUG), 0.0) for _ in range(1000))
+
+
+def test_what_is_remembered_holds_no_error() -> None:
+    repeats = RepeatFilter()
+    made = record(1)
+    made.exc_info = (ValueError, ValueError("x"), None)
+    repeats.allow_record(made, 0.0)
+    (window,) = repeats._kinds.values()
+    assert made not in vars(window).values()
+    assert isinstance(window.first, str)
+
+
+# ---- failures that nobody waits for --------------------------------------------------
+
+
+async def test_a_connection_given_up_is_one_line_and_a_mistake_of_ours_is_named(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    loop = asyncio.get_running_loop()
+    loop.set_exception_handler(LoopExceptionHandler())
+    caplog.set_level(logging.WARNING)
+    for error in (ssl.SSLError(1, "CERTIFICATE_VERIFY_FAILED"),) * 3 + (ConnectionResetError("gone"),):
+        loop.create_future().set_exception(error)  # nobody holds it
+    said = [(record.getMessage(), record.exc_info) for record in caplog.records]
+    assert [text.partition(": ")[0] for text, _ in said] == ["a connection timed out"] * 2
+    assert "CERTIFICATE_VERIFY_FAILED" in said[0][0]
+    assert not any(exc_info for _, exc_info in said)
+    loop.create_future().set_exception(KeyError("ours"))
+    assert re.fullmatch(r"Future exception was never retrieved: KeyError: 'ours'", shown(caplog.records[-1]))
+
+
+def shown(record: logging.LogRecord) -> str:
+    """The line as it is written."""
+    return str(json.loads(JsonLines().format(record))["event"])
+
+
+class Transport:
+    """As the loop names it when something fails."""
+
+    def __init__(self, closed: bool) -> None:
+        self.is_closing = lambda: closed
+
+
+async def test_what_still_comes_over_a_closed_transport_is_one_line(caplog: pytest.LogCaptureFixture) -> None:
+    loop = asyncio.get_running_loop()
+    loop.set_exception_handler(LoopExceptionHandler())
+    late = RuntimeError("unable to perform operation on <TCPTransport closed=True>; the handler is closed")
+    for closed in (True, True, False):
+        said = {"message": "Fatal error on SSL protocol", "exception": late, "transport": Transport(closed)}
+        loop.call_exception_handler(said)
+    assert [bool(record.exc_info) for record in caplog.records] == [False, True]

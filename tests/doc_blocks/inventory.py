@@ -16,7 +16,7 @@ ROBOTS, OPERATE = "tests/doc_blocks/test_robot_commands.py", "tests/doc_blocks/t
 START, SCALE = "tests/doc_blocks/test_start_commands.py", "tests/doc_blocks/test_scale_commands.py"
 MACHINE, INSTALL = "tests/doc_blocks/test_machine_commands.py", "tests/test_install.py"
 RECORD, EXPORT = "tests/test_recordings_doc.py", "relay/tests/test_export_docs.py"
-PROFILES, FILES = "tests/test_robots_page.py", "relay/tests/test_robots_pages.py"
+PROFILES, FILES = "tests/test_robots_page.py", "relay/tests/test_operator_pages.py"
 CONTAINERS = "tests/compose/recipes.py"
 
 # page → words of its blocks → the test
@@ -61,7 +61,7 @@ RUN: dict[str, dict[str, str]] = {
     "docs/how-to/operate/container-recipes.md": {"```sh": CONTAINERS},
     "docs/how-to/operate/decide-who-watches.md": {"export": OPERATE, "posecast-relay robots": FILES},
     "docs/how-to/operate/delete-the-past.md": {
-        "past delete": "relay/tests/test_delete_page.py",
+        "past delete": "relay/tests/test_operator_pages.py",
         "past list": OPERATE,
         "robots set": FILES,
         "redis-cli": SCALE,
