@@ -180,13 +180,12 @@ def test_the_past_is_kept_in_an_object_store() -> None:
 def test_the_past_is_kept_in_memory_or_not_at_all() -> None:
     kept = parse(["run", "--dev"], {"POSECAST_PAST": "memory:"})
     assert (kept.past, kept.past_memory) == ("memory:", 256 << 20)
-    assert make_past_services(kept) is not None
+    assert make_past_services(kept).source is not None
     assert parse(["run", "--dev", "--past-memory", "2G"], {}).past_memory == 2 << 30
-    assert make_past_services(parse(["run", "--dev"], {})) is not None
-    assert make_past_services(parse(["run", "--dev", "--past", "0"], {})) is None
+    assert make_past_services(parse(["run", "--dev"], {})).source is not None
+    assert make_past_services(parse(["run", "--dev", "--past", "0"], {})).source is None
     gateway = ["run", "--dev", "--role", "gateway", "--store", "redis://localhost"]
     services = make_past_services(parse(gateway, {}))
-    assert services is not None
     assert services.recorder is None  # it reads
 
 

@@ -156,6 +156,11 @@ class Access:
             return None
         return of, of.rooms.get(grant.view)
 
+    def count_viewers(self, robot: str) -> int:
+        """Return a robot's viewers over all processes."""
+        here = [of for each in self.dispatchers if (of := each.hub.robots.get(robot)) is not None]
+        return sum(of.count_viewers() for of in here) + self.live.store.count_viewers_elsewhere(robot)
+
     def set_policy(self, policy: Policy) -> None:
         """Replace the policy. Connected viewers get their new rights; those without any are closed.
 

@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
 
 from posecast_wire import Credential, check_name
 from posecast_wire.command_line.parser import CommandParser
@@ -23,7 +22,7 @@ from posecast_wire.command_line.parser import CommandParser
 from posecast_relay.config.robots_changes import RobotsDocument, expire_in_days
 from posecast_relay.config.robots_file import BYTES_MAX, lock_folder, read_robots, read_text, replace_text
 from posecast_relay.config.robots_reader import RobotEntry, Robots, RobotsError, describe_rule, parse_robots
-from posecast_relay.config.settings import MEMORY, SettingsError
+from posecast_relay.config.settings import MEMORY, SettingsError, SettingsParser
 from posecast_relay.core.policy import PUBLIC, Audience, Rule
 
 HELP = (
@@ -51,11 +50,6 @@ COMMANDS = {
 OF_A_FILE = ("admin", "list", "edit", "check")  # the other commands take a robot
 
 
-class _Parser(CommandParser):
-    def error(self, message: str) -> NoReturn:
-        raise SettingsError(message)
-
-
 def parse_robots_arguments(
     argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay"
 ) -> argparse.Namespace:
@@ -72,7 +66,7 @@ def parse_robots_arguments(
 
 def make_robots_parser(environ: Mapping[str, str], program: str = "posecast-relay") -> CommandParser:
     """Make the parser of the command. `program`: the program's name in messages."""
-    parser = _Parser(prog=f"{program} robots", description=HELP, allow_abbrev=False, statuses=STATUSES)
+    parser = SettingsParser(prog=f"{program} robots", description=HELP, allow_abbrev=False, statuses=STATUSES)
     commands = parser.add_subparsers(dest="do", required=True, metavar="|".join(COMMANDS))
     for do, text in COMMANDS.items():
         command = commands.add_parser(do, help=text, description=text, allow_abbrev=False)

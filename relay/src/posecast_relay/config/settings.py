@@ -33,6 +33,7 @@ STATUSES = {
     2: "wrong arguments, or a port in use",
 }
 STORES = ["memory", "redis", "rediss", "redis+cluster"]  # schemes of `--store`; see server/roles.py
+_file = Path  # it need not exist or be readable yet: the relay waits for it
 MEMORY = "memory:"  # a value of `--past`: keep the past in memory only
 
 
@@ -98,22 +99,32 @@ def _boolean(text: str) -> bool:
     raise ValueError("use 1 or 0")
 
 
-def _port(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) > 65535:
-        raise ValueError("use a number from 0 to 65535")
-    return int(text)
+def _number(least: int, most: int, of: str = "") -> Callable[[str], int]:
+    def read(text: str) -> int:
+        if not text.isascii() or not text.isdigit() or len(text) > 13 or not least <= int(text) <= most:
+            raise ValueError(f"use a number{of} from {least} to {most}")
+        return int(text)
+
+    return read
 
 
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1_000_000:
-        raise ValueError("use a number from 1 to 1000000")
-    return int(text)
+_port = _number(0, 65535)
+_count = _number(1, 1_000_000)
+_bytes = _number(10_000, 1_000_000_000, " of bytes")
+_seconds = _number(1, 1_000_000, " of seconds")
 
 
-def _bytes(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not 10_000 <= int(text[:13]) <= 1_000_000_000:
-        raise ValueError("use a number of bytes from 10000 to 1000000000")
-    return int(text)
+def _one_of(*words: str) -> Callable[[str], str]:
+    def read(text: str) -> str:
+        if text not in words:
+            raise ValueError(f"use {', '.join(words[:-1])} or {words[-1]}")
+        return text
+
+    return read
+
+
+_role = _one_of("all", "ingest", "gateway")
+_level = _one_of("debug", "info", "warning", "error")
 
 
 def _past(text: str) -> str | None:
@@ -142,12 +153,6 @@ def _socket(text: str) -> Path:
     return Path(text)
 
 
-def _seconds(text: str) -> float:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 1_000_000:
-        raise ValueError("use a number of seconds from 1 to 1000000")
-    return float(text)
-
-
 def _host(text: str) -> str:
     if not text or any(c.isspace() or c == "/" for c in text):
         raise ValueError("use a host name or address")
@@ -158,12 +163,6 @@ def _store(text: str) -> str:
     scheme, _, place = text.partition("://")
     if scheme not in STORES or not (text == "memory://" or re.match(r"\S+$", place)):
         raise ValueError("use memory://, redis://HOST:PORT, rediss://… (TLS) or redis+cluster://…")
-    return text
-
-
-def _role(text: str) -> str:
-    if text not in ("all", "ingest", "gateway"):
-        raise ValueError("use all, ingest or gateway")
     return text
 
 
@@ -183,11 +182,6 @@ def _directory(text: str) -> Path:
     if not (path / "index.html").is_file():
         raise ValueError("use a folder that contains index.html")
     return path
-
-
-def _file(text: str) -> Path:
-    """Read a path. The file need not exist or be readable yet: the relay waits for it."""
-    return Path(text)
 
 
 def _proxies(text: str) -> tuple[Network, ...]:
@@ -223,12 +217,6 @@ def _public_url(text: str) -> str:
     if found is None or not ORIGIN.fullmatch(found[1]):
         raise ValueError("use the page's address, for example https://posecast.example or https://HOST/path")
     return found[1] + found[2]
-
-
-def _level(text: str) -> str:
-    if text not in ("debug", "info", "warning", "error"):
-        raise ValueError("use debug, info, warning or error")
-    return text
 
 
 @dataclass(frozen=True)
@@ -283,14 +271,17 @@ FLAGS = (
 )  # fmt: skip
 
 
-class _Parser(CommandParser):
+class SettingsParser(CommandParser):
+    """A parser whose errors are SettingsErrors."""
+
     def error(self, message: str) -> NoReturn:
+        """Raise SettingsError."""
         raise SettingsError(message)
 
 
 def make_parser(program: str) -> CommandParser:
     """Make the parser of the program; `robots`, `past` and `convert` have separate ones."""
-    parser = _Parser(
+    parser = SettingsParser(
         prog=program,
         description="Sends the latest state of robots to thousands of viewers. It never commands a robot.",
         allow_abbrev=False,

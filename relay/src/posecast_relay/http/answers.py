@@ -5,15 +5,11 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from posecast_wire.messages import RobotStatus
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from posecast_relay.net.answer_cache import AnswerDocument
 
 Value = float | str | list[str] | None
-
-
-class AnswerDocument(BaseModel):
-    """A document that has exactly these members."""
-
-    model_config = ConfigDict(extra="forbid")
 
 
 class ErrorAnswer(AnswerDocument):
@@ -67,8 +63,6 @@ class RobotDetails(RobotSummary):
     schema_id: str | None
     schema_: dict[str, Any] | None
 
-    model_config = ConfigDict(extra="forbid", alias_generator=lambda name: name.rstrip("_"))
-
 
 class FieldState(AnswerDocument):
     """One field. `values`: by label; null means no reading. For a field of bits, each value lists the names
@@ -118,9 +112,3 @@ class OEmbed(AnswerDocument):
     width: int = 0
     height: int = 0
     html: str = ""
-
-
-def describe_bytes(media_type: str, description: str) -> dict[int | str, dict[str, Any]]:
-    """Describe an answer of bytes, for OpenAPI."""
-    schema = {"type": "string", "format": "binary"}
-    return {200: {"description": description, "content": {media_type: {"schema": schema}}}}

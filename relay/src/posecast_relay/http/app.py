@@ -6,7 +6,6 @@ import math
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
@@ -25,14 +24,13 @@ from posecast_relay.http.answers import (
     RobotDetails,
     RobotList,
     RobotState,
-    describe_bytes,
 )
 from posecast_relay.http.models import GzipCache, make_model_answer
 from posecast_relay.http.previews import FRAME_PX, LinkPreview, Thumbnails
 from posecast_relay.http.robots import StateReader, make_robot_document, make_robots_document
 from posecast_relay.http.static import Guide, KeptFiles, Page
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
-from posecast_relay.net.answer_cache import AnswerCache
+from posecast_relay.net.answer_cache import AnswerCache, Described, describe_bytes
 from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.net.request import (
     OPEN,
@@ -53,15 +51,13 @@ API = "/api/v1/robots"
 GUIDE = "/guide"  # also the name of its folder in the built page
 PICTURE_FRESH = "public, max-age=60"
 OLD_MODEL_FRESH = "public, max-age=3600"
-EVENTS: dict[int | str, dict[str, Any]] = {
+EVENTS: Described = {
     200: {
         "description": "Server-sent events: the messages of the stream, frames in base64 (wire/SPEC.md §6)",
         "content": {"text/event-stream": {"schema": {"type": "string"}}},
     }
 }
-ALIVE: dict[int | str, dict[str, Any]] = {
-    200: {"description": "`ok`", "content": {"text/plain": {"schema": {"type": "string"}}}}
-}
+ALIVE: Described = {200: {"description": "`ok`", "content": {"text/plain": {"schema": {"type": "string"}}}}}
 MODEL = describe_bytes("*/*", "manifest.json, or a file that it names, in that file's own type")
 PREFLIGHT = OPEN | {
     "access-control-allow-methods": "GET, OPTIONS",

@@ -39,7 +39,7 @@ def make_robots_document(access: Access, who: Principal, now: float, publish_at:
                 continue
             summary = _find_summary(access, grant, doc, now)
             if summary is not None and not _never_spoke(summary, grant):
-                shown.append(json_bytes(summary | {"viewers": _count_viewers(access, doc["robot"])}))
+                shown.append(json_bytes(summary | {"viewers": access.count_viewers(doc["robot"])}))
         except Exception as e:  # a bug in the relay: show the others
             access.live.report_fault("a robot in the list", e)
     more = b"" if publish_at is None else json_bytes({"publish_at": publish_at})[1:-1] + b","
@@ -80,7 +80,7 @@ def make_robot_document(access: Access, grant: Grant, robot: Robot, room: Room |
     schema = stream.schema if stream else None
     document = make_robot_summary(robot, room, now) | {
         "view": grant.view,
-        "viewers": _count_viewers(access, robot.name),
+        "viewers": access.count_viewers(robot.name),
         "conflict": robot.in_conflict,
         "lateness_ms": round(robot.runs.lateness_s * 1000),
         "info": stream.info if stream else {},
@@ -105,12 +105,6 @@ def make_robot_summary(robot: Robot, room: Room | None, now: float) -> dict[str,
         "viewers": robot.count_viewers(),
         "model": stream.model if stream else None,
     }
-
-
-def _count_viewers(access: Access, robot: str) -> int:
-    """Return a robot's viewers over all processes."""
-    here = [of for dispatcher in access.dispatchers if (of := dispatcher.hub.robots.get(robot)) is not None]
-    return sum(of.count_viewers() for of in here) + access.live.store.count_viewers_elsewhere(robot)
 
 
 DECODE_S = 0.1  # minimum time between two decodings, for any number of requests

@@ -1,12 +1,15 @@
-"""Caches JSON answers with an ETag. Each is made at most once a second, for any number of requests."""
+"""Caches JSON answers with an ETag, and describes answers for OpenAPI."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Awaitable, Callable
-from typing import NamedTuple
+from functools import reduce
+from operator import or_
+from typing import Any, NamedTuple
 
 from fastapi import Request, Response
+from pydantic import BaseModel, ConfigDict
 
 from posecast_relay.kit import ExpiringCache
 
@@ -64,3 +67,23 @@ def has_already(request: Request, etag: str) -> bool:
     """Whether `If-None-Match` names this `etag`, with its quotes; `*` matches any."""
     named = request.headers.get("if-none-match", "")
     return etag in named or named.strip() == "*"
+
+
+Described = dict[int | str, dict[str, Any]]  # answers for OpenAPI, by status
+
+
+class AnswerDocument(BaseModel):
+    """A document that has exactly these members. A name that Python forbids ends in `_` in the class."""
+
+    model_config = ConfigDict(extra="forbid", alias_generator=lambda name: name.rstrip("_"))
+
+
+def describe_json(*models: type) -> Described:
+    """Describe an answer that is one of these documents."""
+    return {200: {"model": reduce(or_, models), "description": "JSON"}}
+
+
+def describe_bytes(media_type: str, description: str) -> Described:
+    """Describe an answer of bytes."""
+    schema = {"type": "string", "format": "binary"}
+    return {200: {"description": description, "content": {media_type: {"schema": schema}}}}

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from posecast_relay.core.policy import Grant
 from posecast_relay.kit import json_bytes
 from posecast_relay.logging import visible
+from posecast_relay.net.answer_cache import AnswerDocument
 from posecast_relay.past.index import MinuteRow
 from posecast_relay.past.segment import KeptSegment, SegmentName
 
@@ -155,25 +156,21 @@ INDEX_BYTES_MAX = 1 << 20  # of one page's response; request the rest with `afte
 WORDS: tuple[RobotStatus, ...] = ("online", "silent", "offline")  # worst last
 
 
-class _Document(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class NamedSegment(_Document):
+class NamedSegment(AnswerDocument):
     """A segment: `take` is 16 hexadecimal digits, `index` counts within it from 0."""
 
     take: str
     index: int
 
 
-class DeletedSpan(_Document):
+class DeletedSpan(AnswerDocument):
     """A time span, unix ms: nothing is left of the segments that overlapped it."""
 
     from_ms: int
     to_ms: int
 
 
-class PastSummary(_Document):
+class PastSummary(AnswerDocument):
     """How far back the caller may look, what exists, and what was deleted. Times are unix ms; null or empty
     if there is nothing."""
 
@@ -187,7 +184,7 @@ class PastSummary(_Document):
     deleted: list[DeletedSpan]
 
 
-class PastMinute(_Document):
+class PastMinute(AnswerDocument):
     """The segments that began in one minute: bytes, frames, the worst status, and how many faults began."""
 
     minute: str
@@ -197,7 +194,7 @@ class PastMinute(_Document):
     faults: int
 
 
-class PastDay(_Document):
+class PastDay(AnswerDocument):
     """The minutes of a day (UTC) that have recordings."""
 
     view: str
@@ -213,7 +210,7 @@ class PastEventEntry(BaseModel):
     at_ms: int
 
 
-class PastWordEntry(_Document):
+class PastWordEntry(AnswerDocument):
     """The robot's status from this time on, unix ms."""
 
     at_ms: int
@@ -237,10 +234,8 @@ class PastEntry(NamedSegment):
     events: list[PastEventEntry]
     words: list[PastWordEntry]
 
-    model_config = ConfigDict(extra="forbid", alias_generator=lambda name: name.rstrip("_"))
 
-
-class PastPage(_Document):
+class PastPage(AnswerDocument):
     """The segments that begin in ten minutes. `more`: there are more; request them with `after` and the last
     one."""
 
@@ -249,10 +244,8 @@ class PastPage(_Document):
     segments: list[PastEntry]
     more: bool
 
-    model_config = ConfigDict(extra="forbid", alias_generator=lambda name: name.rstrip("_"))
 
-
-class NextSegment(_Document):
+class NextSegment(AnswerDocument):
     """The segment that follows one that is hidden or gone, or the last one of a take."""
 
     next: NamedSegment

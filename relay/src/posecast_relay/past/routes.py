@@ -18,7 +18,7 @@ from fastapi import FastAPI, HTTPException, Request, Response
 
 from posecast_relay.auth.access import Access
 from posecast_relay.core.policy import HIDDEN, Grant, find_past_window
-from posecast_relay.net.answer_cache import has_already
+from posecast_relay.net.answer_cache import Described, describe_json, has_already
 from posecast_relay.net.request import OPEN, require_grant
 from posecast_relay.past import documents
 from posecast_relay.past.documents import (
@@ -88,8 +88,8 @@ NO_ROUTE = (
 )
 BUSY = READABLE | {"retry-after": "1"}
 BINARY = "application/octet-stream"
-HAD: dict[int | str, dict[str, Any]] = {304: {"description": "Not modified: your copy is current"}}
-ERRORS: dict[int | str, dict[str, Any]] = {
+HAD: Described = {304: {"description": "Not modified: your copy is current"}}
+ERRORS: Described = {
     400: {"description": "The address is malformed, or contains a token"},
     401: {"description": "The token is wrong or has expired"},
     403: {"description": "You may not see this view, or a token came from a page of another origin"},
@@ -97,7 +97,7 @@ ERRORS: dict[int | str, dict[str, Any]] = {
     503: {"description": "The store of the past or the account service does not answer: retry"},
 }
 BELOW = ERRORS | {501: {"description": "This process keeps no past"}}
-KEYS: dict[int | str, dict[str, Any]] = HAD | {
+KEYS: Described = HAD | {
     503: {
         "description": "The store does not answer, or too many of these pages are requested at once: retry"
     },
@@ -106,7 +106,7 @@ KEYS: dict[int | str, dict[str, Any]] = HAD | {
         "content": {BINARY: {"schema": {"type": "string", "format": "binary"}}},
     },
 }
-HELD: dict[int | str, dict[str, Any]] = HAD | {
+HELD: Described = HAD | {
     200: {
         "description": "The segment; or JSON that names the next one, if this is hidden or its take is over",
         "model": documents.NextSegment,
@@ -121,7 +121,9 @@ def add_past_routes(app: FastAPI, api: str, access: Access, service: PastService
     api += "/{robot}/past"
 
     @app.get(
-        api, summary="How far back you may look", responses=ERRORS | _describe_answer(documents.PastSummary)
+        api,
+        summary="How far back you may look",
+        responses=ERRORS | HAD | describe_json(documents.PastSummary),
     )
     @set_cache_headers
     async def past(request: Request, robot: str, view: str | None = None) -> Response:
@@ -153,7 +155,7 @@ def add_past_routes(app: FastAPI, api: str, access: Access, service: PastService
     @app.get(
         api + "/{view}/{span}",
         summary="A day by minutes (2026-11-22), or the index of ten minutes (2026-11-22T14:20Z)",
-        responses=BELOW | _describe_answer(documents.PastPage, documents.PastDay),
+        responses=BELOW | HAD | describe_json(documents.PastPage, documents.PastDay),
     )
     @set_cache_headers
     async def index(request: Request, robot: str, view: str, span: str, after: str | None = None) -> Response:
@@ -376,11 +378,3 @@ def _compute_page_s(grant: Grant, page: PastSpan, found: ShownPage, unix_ms: int
     if not found.segments or not found.is_whole or window.to_ms < page.to_ms + CLOSED_MS:
         return 1.0
     return min(LIST_SHARED_S, *(window.compute_left_s(segment.from_ms) for segment in found.segments))
-
-
-def _describe_answer(*models: type) -> dict[int | str, dict[str, Any]]:
-    """Describe a response for the API description."""
-    model: Any = models[0]
-    for other in models[1:]:
-        model = model | other
-    return {200: {"model": model, "description": "JSON"}} | HAD

@@ -8,14 +8,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
 
 from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.command_line.progress_bar import ProgressBar
 from posecast_wire.recording import RECORDING_FILE, PastRecording, RecordingError, decode_recording
 from posecast_wire.recording.contents import RECORDING_BYTES_MAX
 
-from posecast_relay.config.settings import SettingsError
+from posecast_relay.config.settings import SettingsError, SettingsParser
 from posecast_relay.export.span import ExportedSpan, FileUnreadable, RecordingFiles, open_recording_files
 from posecast_relay.past_command.common import write_moment
 from posecast_relay.past_command.export import (
@@ -34,14 +33,11 @@ FORMATS = (".mcap", ".csv")
 STATUSES = {0: "success", 1: "OUT could not be written", 2: "wrong arguments, or no such recording in FILE"}
 
 
-class _Parser(CommandParser):
-    def error(self, message: str) -> NoReturn:
-        raise SettingsError(message)
-
-
 def make_convert_parser(program: str = "posecast") -> CommandParser:
     """Make the command's parser. `program` is its name in messages."""
-    parser = _Parser(prog=f"{program} convert", description=HELP, allow_abbrev=False, statuses=STATUSES)
+    parser = SettingsParser(
+        prog=f"{program} convert", description=HELP, allow_abbrev=False, statuses=STATUSES
+    )
     add = parser.add_argument
     told = "a .posecast file, an exported folder, or the ZIP of one"
     add("file", metavar="FILE", type=Path, help=told)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 from posecast_wire.command_line.parser import CommandParser
 
 from posecast_relay.archive.store import ArchiveError
-from posecast_relay.config.settings import SettingsError
+from posecast_relay.config.settings import SettingsParser
 from posecast_relay.past_command import deletion, export, listing
 from posecast_relay.past_command.common import CommandFailed, RelayAway
 
@@ -32,11 +32,6 @@ COMMANDS = {
 }
 
 
-class _Parser(CommandParser):
-    def error(self, message: str) -> NoReturn:
-        raise SettingsError(message)
-
-
 def run_past(argv: Sequence[str], environ: Mapping[str, str], program: str = "posecast-relay") -> None:
     """Run one `posecast-relay past` command. `program` is its name in messages.
 
@@ -55,7 +50,7 @@ def run_past(argv: Sequence[str], environ: Mapping[str, str], program: str = "po
 
 def make_past_parser(environ: Mapping[str, str], program: str = "posecast-relay") -> CommandParser:
     """Make the command's parser. `program` is its name in messages."""
-    parser = _Parser(
+    parser = SettingsParser(
         prog=f"{program} past",
         description="List, export and delete the kept past.",
         allow_abbrev=False,

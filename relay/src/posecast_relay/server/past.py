@@ -205,10 +205,10 @@ FORGET_EVERY_S = 5.0
 @dataclass(frozen=True)
 class PastServices:
     """The source of the past, and its connection to Redis if there is one. In processes that hear robots,
-    also the recorder and the memory.
+    also the recorder and the memory. With `--past 0`, nothing at all.
     """
 
-    source: PastSource
+    source: PastSource | None = None
     kept: MemoryPast | None = None
     recorder: Recorder | None = None
     writer: RedisPastWriter | None = None
@@ -228,8 +228,15 @@ class PastServices:
         """The archive, if this process writes it."""
         return None if self.archive is None or self.archive.writer is None else self.archive
 
-    def make_service(self, dispatcher: Dispatcher) -> PastService:
-        """Make what the routes of the past need."""
+    @property
+    def is_store_new(self) -> bool:
+        """Whether this process's store is a folder that was just created."""
+        return self.archive is not None and self.archive.store.is_new
+
+    def make_service(self, dispatcher: Dispatcher) -> PastService | None:
+        """Make what the routes of the past need; None if there is no past."""
+        if self.source is None:
+            return None
         return PastService(
             self.source,
             dispatcher.now,
@@ -250,8 +257,11 @@ class PastServices:
     async def run(self, access: Access, now: Callable[[], float]) -> None:
         """Connect to Redis, open the socket for `past`, and drop expired data, until cancelled.
 
-        Data is dropped at once when the policy changes, and regularly as time passes.
+        Data is dropped at once when the policy changes, and regularly as time passes. Without a past it
+        returns at once.
         """
+        if self.source is None:
+            return
         if self.connection is not None:
             self.connection.start()
         if self.deletion_feed is not None:
@@ -294,15 +304,10 @@ class PastServices:
             await self.archive.stop()
 
 
-def is_store_new(past: PastServices | None) -> bool:
-    """Whether this process's store is a folder that was just created."""
-    return past is not None and past.archive is not None and past.archive.store.is_new
-
-
-def make_past_services(settings: Settings, port: int = 0) -> PastServices | None:
-    """Make the past for the role in `settings`; None with `--past 0`. `port`: where the relay listens."""
+def make_past_services(settings: Settings, port: int = 0) -> PastServices:
+    """Make the past for the role in `settings`. `port`: where the relay listens."""
     if settings.past is None:
-        return None
+        return PastServices()
     deletions, deletion_feed = Deletions(), None
     if settings.uses_redis:
         from posecast_relay.redis.past_deletions import RedisDeletions  # noqa: PLC0415

@@ -50,8 +50,8 @@ from posecast_relay.server.http_server import (
     make_server_config,
     settle_memory,
 )
-from posecast_relay.server.past import PastServices, describe_past, is_store_new, make_past_services
-from posecast_relay.server.roles import RoleServices, make_role_services
+from posecast_relay.server.past import PastServices, describe_past, make_past_services
+from posecast_relay.server.roles import make_role_services
 from posecast_relay.zenoh.router import (
     AuthFailures,
     CertificateError,
@@ -204,7 +204,7 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
     router, refusals = _open_router_and_refusals(settings, robots)
     port = listener.getsockname()[1]
     limits, headcount, past = make_limits(settings), Headcount(), make_past_services(settings, port)
-    hub = Hub(limits, headcount, None if past is None else past.recorder)
+    hub = Hub(limits, headcount, past.recorder)
     delayed = None if robots is None else DelayedHub(limits, headcount)
     services = make_role_services(settings, router, hub, past, delayed.list_robots if delayed else tuple)
     access = make_access(settings, robots, (services.store, services.source), hub, delayed)
@@ -213,7 +213,7 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
     watch = make_watcher(settings, robots, access, admit)
     configuration = Configuration(watch, router)
     mirror = _mirror(settings, access)
-    decoded, service = DecodeCache(), None if past is None else past.make_service(dispatcher)
+    decoded, service = DecodeCache(), past.make_service(dispatcher)
     try:
         stop_metrics = _metrics(settings, access, mirror, refusals, past, service, configuration)
     except StartError:
@@ -222,7 +222,7 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
 
     def serving() -> None:
         settle_memory()
-        _tell(listener, router, describe_past(settings, access.policy, is_new=is_store_new(past)))
+        _tell(listener, router, describe_past(settings, access.policy, is_new=past.is_store_new))
 
     def leaving() -> None:
         if service is not None:
@@ -245,7 +245,7 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
     await services.start(dispatcher)
     for each in access.dispatchers:
         each.start()
-    beside = _start_background_tasks(follow_robots(watch, access), mirror, _run_past(past, access))
+    beside = _start_background_tasks(follow_robots(watch, access), mirror, past.run(access, Dispatcher.now))
     try:
         await server.serve(sockets=[listener])
     finally:
@@ -253,7 +253,8 @@ async def _serve(settings: Settings, listener: socket.socket) -> None:
             each.stop()
         for task in beside:
             task.cancel()
-        await _stop(services, past)
+        await past.stop(Dispatcher.now())
+        await services.stop()
         stop_metrics()
         await _close(router)
 
@@ -271,7 +272,7 @@ def _make_admin(
     watch: RobotsWatcher | None,
     configuration: Configuration,
     refusals: AuthFailures | None,
-    past: PastServices | None,
+    past: PastServices,
 ) -> AdminSources | None:
     """Return the data sources of the page /admin; None without a robots file."""
     if settings.robots is None or watch is None:
@@ -281,8 +282,8 @@ def _make_admin(
         lambda: watch.robots,
         configuration.find_expiries,
         int if refusals is None else lambda: refusals.count,
-        None if past is None else past.kept,
-        None if past is None else past.written_archive,
+        past.kept,
+        past.written_archive,
         settings.public_url,
     )
 
@@ -326,23 +327,12 @@ def _open_router(settings: Settings, robots: Robots | None) -> RouterSession | N
 def _start_background_tasks(
     following: Coroutine[Any, Any, None],
     mirror: FirebaseMirror | None,
-    past: Coroutine[Any, Any, None] | None,
+    past: Coroutine[Any, Any, None],
 ) -> list[asyncio.Task[None]]:
     """Start the tasks that run while the relay serves."""
     mirroring = None if mirror is None else mirror.run()
     named = {"robots file": following, "mirror": mirroring, "past": past}
     return [asyncio.create_task(work, name=name) for name, work in named.items() if work is not None]
-
-
-async def _stop(services: RoleServices, past: PastServices | None) -> None:
-    if past is not None:
-        await past.stop(Dispatcher.now())
-    await services.stop()
-
-
-def _run_past(past: PastServices | None, access: Access) -> Coroutine[Any, Any, None] | None:
-    """Return the past's background work while the relay serves; None without a past."""
-    return None if past is None else past.run(access, Dispatcher.now)
 
 
 def _list_admitted(settings: Settings, robots: Robots) -> dict[str, str]:
@@ -373,25 +363,21 @@ def _metrics(
     access: Access,
     mirror: FirebaseMirror | None,
     refusals: AuthFailures | None,
-    past: PastServices | None,
+    past: PastServices,
     service: PastService | None,
     configuration: Configuration,
 ) -> Callable[[], None]:
     if settings.metrics_port is None:
         return lambda: None
     refused = int if refusals is None else lambda: refusals.count
-    kept, connection, archive = (
-        (None, None, None) if past is None else (past.kept, past.connection, past.written_archive)
-    )
-    held = None if service is None else service.held
     collector = RelayCollector(
         access.dispatchers,
         mirror,
         refused,
-        kept,
-        connection,
-        held,
-        archive,
+        past.kept,
+        past.connection,
+        None if service is None else service.held,
+        past.written_archive,
         configuration.measure,
         configuration.find_expiries,
         configuration.is_listening,

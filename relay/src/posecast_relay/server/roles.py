@@ -16,14 +16,12 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy import PUBLIC
 from posecast_relay.core.robot import Robot
 from posecast_relay.http.robots import make_robot_summary
-from posecast_relay.models.cache import ModelCache, ModelSource
+from posecast_relay.models.cache import ModelCache
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, RobotSource, StateStore
 from posecast_relay.server.past import PastServices
 from posecast_relay.zenoh.ingest import ZenohIngest
 from posecast_relay.zenoh.models import EdgeModels
 from posecast_relay.zenoh.router import RouterSession
-
-JoinModels = Callable[[ModelSource], ModelSource]
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ def make_role_services(
     settings: Settings,
     router: RouterSession | None,
     hub: Hub,
-    past: PastServices | None,
+    past: PastServices,
     pinned: Callable[[], Iterable[str]],
 ) -> RoleServices:
     """Make the services of the role in `settings`.
@@ -53,9 +51,7 @@ def make_role_services(
     `router` is None only for a gateway. `past` may have models too, and keeps those that it refers to.
     `pinned` names robots that a gateway hears even if nobody watches.
     """
-    if past is None:
-        return _make(settings, router, hub, pinned, lambda live: live)
-    services = _make(settings, router, hub, pinned, past.join_models)
+    services = _make(settings, router, hub, pinned, past)
     past.keep_models(services.models)
     return services
 
@@ -65,12 +61,12 @@ def _make(
     router: RouterSession | None,
     hub: Hub,
     pinned: Callable[[], Iterable[str]],
-    join_models: JoinModels,
+    past: PastServices,
 ) -> RoleServices:
     cache_bytes = settings.model_cache_mb << 20
     if router is None:
-        return _gateway(settings.store, hub, cache_bytes, pinned, join_models)
-    models = ModelCache(join_models(EdgeModels(router, hub)), cache_bytes)
+        return _gateway(settings.store, hub, cache_bytes, pinned, past)
+    models = ModelCache(past.join_models(EdgeModels(router, hub)), cache_bytes)
     connect = STORES[settings.store.partition("://")[0]]
     return connect(settings.store, hub, models, ZenohIngest(router))
 
@@ -119,7 +115,7 @@ def _describe_robot(robot: Robot) -> dict[str, Any]:
 
 
 def _gateway(
-    url: str, hub: Hub, cache_bytes: int, pinned: Callable[[], Iterable[str]], join_models: JoinModels
+    url: str, hub: Hub, cache_bytes: int, pinned: Callable[[], Iterable[str]], past: PastServices
 ) -> RoleServices:
     from posecast_relay.redis.gateway import RedisGateway  # noqa: PLC0415
     from posecast_relay.redis.models import RedisModels  # noqa: PLC0415 — half of the time to start
@@ -128,5 +124,5 @@ def _gateway(
         """Do nothing: nobody publishes to a gateway."""
 
     gateway = RedisGateway(url, hub, Dispatcher.now, pinned)
-    models = ModelCache(join_models(RedisModels(gateway.link, hub)), cache_bytes)
+    models = ModelCache(past.join_models(RedisModels(gateway.link, hub)), cache_bytes)
     return RoleServices(models, gateway, gateway, gateway.start, gateway.stop, admit)

@@ -9,12 +9,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import FileResponse, JSONResponse, RedirectResponse
 from posecast_wire import check_name
-from pydantic import BaseModel, ConfigDict
+from pydantic import Field
 
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import find_asker, may_show
@@ -25,15 +25,13 @@ from posecast_relay.config.settings import SettingsError
 from posecast_relay.core.policy import Audience
 from posecast_relay.core.robot import Robot
 from posecast_relay.http.metrics import ArchiveStats
+from posecast_relay.net.answer_cache import AnswerDocument, Described, describe_json
 from posecast_relay.net.request import is_on_this_machine, join_all, read_bearer
+from posecast_relay.past.memory import MemoryPast
 from posecast_relay.runtime.tasks import BlockingCalls
 
 
-class _Document(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class RelayFigures(_Document):
+class RelayFigures(AnswerDocument):
     """The relay's counters since its start. `trouble`: its present problem, in one line."""
 
     trouble: str | None
@@ -43,7 +41,7 @@ class RelayFigures(_Document):
     refused_publishers: int
 
 
-class AdminRobot(_Document):
+class AdminRobot(AnswerDocument):
     """A robot in the robots file. `expires_s`: when its credential expires, in unix seconds. `audiences`:
     what each audience can see, in words. `may_link`: whether the file has a rule for share links.
 
@@ -64,18 +62,18 @@ class AdminRobot(_Document):
     conflict: bool = False
     over_share: str = ""
     lateness_ms: int = 0
-    sent_views: list[str] = []
-    unsent_views: dict[str, str] = {}
+    sent_views: list[str] = Field(default=[])
+    unsent_views: dict[str, str] = Field(default={})
 
 
-class PastMemory(_Document):
+class PastMemory(AnswerDocument):
     """Memory that the past uses, and its limit."""
 
     bytes: int
     bytes_max: int
 
 
-class ArchiveUse(_Document):
+class ArchiveUse(AnswerDocument):
     """The state of the archive. `free_bytes` and `disk_bytes` describe its disk, if it has one."""
 
     trouble: str | None
@@ -85,7 +83,7 @@ class ArchiveUse(_Document):
     disk_bytes: int | None
 
 
-class AdminReport(_Document):
+class AdminReport(AnswerDocument):
     """Everything that the page shows. `past` and `archive` are null if none is kept. `certificates`: when
     each expires, in unix seconds, by the flag that names its file."""
 
@@ -96,22 +94,15 @@ class AdminReport(_Document):
     certificates: dict[str, int]
 
 
-class MadeShareLink(_Document):
+class MadeShareLink(AnswerDocument):
     """A share link. `link`: all of it with --public-url, else only from # on. `until_s`: unix seconds."""
 
     link: str
     until_s: int
 
 
-class Nothing(_Document):
+class Nothing(AnswerDocument):
     """An empty answer: the request was carried out."""
-
-
-class MemoryStats(Protocol):
-    """Memory that the past uses, and its limit, in bytes."""
-
-    bytes: int
-    bytes_max: int
 
 
 @dataclass(frozen=True)
@@ -127,7 +118,7 @@ class AdminSources:
     get_robots: Callable[[], Robots]
     find_expiries: Callable[[], Mapping[str, float]]
     count_refused: Callable[[], int]
-    past: MemoryStats | None
+    past: MemoryPast | None
     archive: ArchiveStats | None
     public_url: str | None
 
@@ -137,7 +128,8 @@ def make_report(access: Access, sources: AdminSources, trouble: str | None) -> d
     hubs = [dispatcher.hub for dispatcher in access.dispatchers]
     rooms = [room for hub in hubs for robot in hub.robots.values() for room in robot.rooms.values()]
     robots = sources.get_robots().enrolled
-    past, archive = sources.past, sources.archive
+    past = sources.past
+    archive = None if sources.archive is None else sources.archive.measure()._asdict()
     # a gateway hears only robots that are watched there; it knows the others from the store
     listed = access.live.store.list_robots()
     statuses = {doc["robot"]: str(doc["status"]) for doc in listed or ()}
@@ -155,7 +147,7 @@ def make_report(access: Access, sources: AdminSources, trouble: str | None) -> d
             for name, entry in sorted(robots.items())
         ],
         "past": None if past is None else {"bytes": past.bytes, "bytes_max": past.bytes_max},
-        "archive": None if archive is None else _describe_archive(archive),
+        "archive": archive and {name: archive[name] for name in ArchiveUse.model_fields},
         "certificates": {flag: round(at_s) for flag, at_s in sources.find_expiries().items()},
     }
 
@@ -171,7 +163,7 @@ def _make_row(access: Access, name: str, entry: RobotEntry, told: str | None) ->
         "audiences": shown,
         "may_link": Audience.LINK in entry.rules,
         "has_links": entry.link_key is not None,
-        "viewers": _count_viewers(access, name),
+        "viewers": access.count_viewers(name),
         **(_describe_robot(robot, live.now()) if robot is not None else {"status": told or "offline"}),
     }
 
@@ -201,22 +193,6 @@ def _compare_views(access: Access, name: str, entry: RobotEntry) -> dict[str, An
     }
 
 
-def _count_viewers(access: Access, name: str) -> int:
-    here = [of for each in access.dispatchers if (of := each.hub.robots.get(name)) is not None]
-    return sum(of.count_viewers() for of in here) + access.live.store.count_viewers_elsewhere(name)
-
-
-def _describe_archive(archive: ArchiveStats) -> dict[str, Any]:
-    told = archive.measure()
-    return {
-        "trouble": told.trouble,
-        "stored_bytes": told.stored_bytes,
-        "waiting_bytes": told.waiting_bytes,
-        "free_bytes": told.free_bytes,
-        "disk_bytes": told.disk_bytes,
-    }
-
-
 log = logging.getLogger("posecast_relay")
 
 API = "/api/v1/admin"
@@ -233,7 +209,7 @@ PAGE_HEADERS = PRIVATE | {
     "x-content-type-options": "nosniff",
     "permissions-policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
 }
-ERRORS: dict[int | str, dict[str, Any]] = {
+ERRORS: Described = {
     401: {"description": "Missing or wrong credential for this page"},
     403: {"description": "The client's address or the page's origin is not allowed"},
     404: {"description": "The robots file has no credential for this page"},
@@ -270,7 +246,7 @@ def add_admin_routes(
     @app.get(
         API,
         summary="Data of the page /admin; needs its credential",
-        responses=ERRORS | _describe_answer(AdminReport),
+        responses=ERRORS | describe_json(AdminReport),
     )
     async def report(request: Request) -> JSONResponse:
         _require_admin(access, sources, request)
@@ -279,7 +255,7 @@ def add_admin_routes(
     @app.post(
         API + "/robots/{robot}/links",
         summary="Make a share link, valid for days= (7 by default)",
-        responses=CHANGE_ERRORS | _describe_answer(MadeShareLink),
+        responses=CHANGE_ERRORS | describe_json(MadeShareLink),
     )
     async def make_link(request: Request, robot: str, days: str = "7") -> JSONResponse:
         _require_admin(access, sources, request)
@@ -295,7 +271,7 @@ def add_admin_routes(
     @app.delete(
         API + "/robots/{robot}/links",
         summary="Revoke all share links of this robot",
-        responses=CHANGE_ERRORS | _describe_answer(Nothing),
+        responses=CHANGE_ERRORS | describe_json(Nothing),
     )
     async def revoke_links(request: Request, robot: str) -> JSONResponse:
         _require_admin(access, sources, request)
@@ -307,11 +283,6 @@ def add_admin_routes(
         await _change(calls, sources.path, robot, revoke)
         log.warning("admin: all share links of %s were revoked", robot)
         return JSONResponse({}, headers=PRIVATE)
-
-
-def _describe_answer(model: type) -> dict[int | str, dict[str, Any]]:
-    """Describe a response schema, for OpenAPI."""
-    return {200: {"model": model, "description": "JSON"}}
 
 
 def _require_allowed_address(access: Access, sources: AdminSources, request: Request) -> AdminEntry:
