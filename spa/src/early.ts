@@ -7,12 +7,10 @@
 import { adoptPath } from './app/state/path.ts';
 import { parseRoute } from './app/state/route.ts';
 import { builtModelAt } from './model/files.ts';
-import { streamUrl, WANTED_HZ } from './relay/addresses.ts';
-import { laneUrl, manifestUrl } from './relay/lane.ts';
-import { takeToken } from './relay/link_token.ts';
-import { early, recordingUrl } from './relay/recording_address.ts';
+import { accessSettled, laneUrl, manifestUrl, streamUrl, WANTED_HZ } from './relay/addresses.ts';
+import { early, recordingUrl } from './relay/relay.ts';
 import { request } from './relay/request.ts';
-import { accessSettled } from './relay/settled.ts';
+import { takeToken } from './relay/token.ts';
 import { prepareStream, startEarly } from './stream/early_stream.ts';
 
 performance.mark('posecast:early');

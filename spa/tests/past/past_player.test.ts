@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { PastError } from '../../src/past/past_source.ts';
-import { Coming } from '../../src/past/player/coming.ts';
+import { Coming } from '../../src/past/player/around.ts';
 import { FakeSource, Rig } from '../rigs/past_player_rig.ts';
 import { FROM_MS, fault, range, recorded, SCHEMA_SHA, schemaOf, sent } from '../rigs/past_recordings.ts';
 

@@ -1,10 +1,9 @@
 import { Lane, type LaneAction } from '../../src/stream/lane/lane.ts';
-import type { KnownBefore } from '../../src/stream/lane_port.ts';
+import { type KnownBefore, ToldFaults } from '../../src/stream/lane_port.ts';
 import type { FromStream } from '../../src/stream/messages.ts';
-import { ToldFaults } from '../../src/stream/told_faults.ts';
 import { judge, type Verdict } from '../../src/twin/liveness.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
-import { LANE_SCHEMA, type LaneRelay, type Span } from './lane_relay.ts';
+import { LANE_SCHEMA, type LaneRelay, type Span, type TrueFrame } from './lane_relay.ts';
 
 export interface LaneNetwork {
   /** Transit time of a request or an answer. */
@@ -47,6 +46,7 @@ export class LaneViewer {
   #lane: Lane;
   readonly #random: () => number;
   readonly #relay: LaneRelay;
+  readonly #frames: ReadonlyMap<number, TrueFrame>;
   readonly #network: LaneNetwork;
   readonly #skewMs = 86_400_000 * 3 - 12_345;
   #answer: { readonly atMs: number; readonly tell: () => LaneAction[] } | null = null;
@@ -60,6 +60,7 @@ export class LaneViewer {
     before: KnownBefore = { frame: null, event: null, faults: [] },
   ) {
     this.#relay = relay;
+    this.#frames = new Map(relay.frames.map((frame) => [frame.count, frame]));
     this.#network = network;
     this.nowMs = joinsMs;
     this.#random = random;
@@ -193,7 +194,7 @@ export class LaneViewer {
     const { twin } = this;
     if (message.kind === 'state') {
       const count = message.state.codes[COUNT]!;
-      const frame = this.#relay.frames.find((each) => each.count === count);
+      const frame = this.#frames.get(count);
       if (frame?.seq !== message.state.seq) throw new Error(`no such frame at ${this.nowMs}`);
       this.shown.push({ name: frame.name, atMs: this.nowMs, acceptedMs: frame.atMs });
       twin.acceptState(message.state);

@@ -1,8 +1,7 @@
 import type { EventMessage } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import type { LaneAnswer } from '../../src/stream/lane/answers.ts';
-import { LookBack } from '../../src/stream/lane/look_back.ts';
-import { MissedEvents } from '../../src/stream/lane/missed_events.ts';
+import { LookBack, MissedEvents } from '../../src/stream/lane/missed_events.ts';
 import { Occurrences } from '../../src/twin/alarms/occurrences.ts';
 import { LaneRelay, type LaneStory, UNIX_MS } from '../rigs/lane_relay.ts';
 import { type LaneNetwork, LaneViewer } from '../rigs/lane_viewer.ts';

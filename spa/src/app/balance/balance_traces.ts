@@ -1,8 +1,7 @@
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
-import { MARGIN } from '../../twin/balance/margin_limits.ts';
-import { DerivedHistory } from '../../twin/plots/derived_history.ts';
-import type { History } from '../../twin/plots/history.ts';
+import { MARGIN } from '../../twin/balance/stance.ts';
+import { DerivedHistory, type History } from '../../twin/plots/history.ts';
 import type { DerivedTraces, Trace, TraceReading } from '../../twin/plots/trace.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import type { RobotLink } from '../state/robot_link.ts';

@@ -1,7 +1,7 @@
 import { useCallback, useEffect, useRef, useState, useSyncExternalStore } from 'react';
-import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
-import { pastUrl } from '../../relay/lane.ts';
+import { firstPaint } from '../../browser/painting.ts';
+import { pastUrl } from '../../relay/addresses.ts';
 import { relayChoice } from '../../relay/relay.ts';
 import { request } from '../../relay/request.ts';
 import { tokenFor } from '../../relay/token.ts';

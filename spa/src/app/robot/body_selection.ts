@@ -1,7 +1,6 @@
 import type { BodyView } from '../../scene/figure/body_view.ts';
 import { onTaps } from '../../scene/figure/taps.ts';
-import { JointChannels } from '../../twin/joint_channels.ts';
-import type { KinematicTree } from '../../twin/kinematic_tree.ts';
+import { JointChannels, type KinematicTree } from '../../twin/kinematic_tree.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { pressedLabel, watchPresses } from '../explain/pressed_sign.ts';
 import { onSelection, selection, selectJoint } from '../state/selection.ts';

@@ -1,5 +1,5 @@
 import { writeStored } from '../../browser/storage.ts';
-import { editsText, NO_EDITS, type Threshold, withEdit } from '../../twin/limits/limits.ts';
+import { editsText, NO_EDITS, type Threshold, withEdit } from '../../twin/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { keyOf, watchOwn } from './own_limits.ts';
 

@@ -1,6 +1,6 @@
 import { LatePart } from '../../browser/late_part.ts';
 import { readStored } from '../../browser/storage.ts';
-import { readEdits } from '../../twin/limits/limits.ts';
+import { readEdits } from '../../twin/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 
 const OWN_ALARMS = new LatePart(

@@ -1,6 +1,6 @@
 import { JOINT, type Schema } from '@posecast/wire';
-import { MARGIN } from '../balance/margin_limits.ts';
-import { ANY } from '../limits/limits.ts';
+import { MARGIN } from '../balance/stance.ts';
+import { ANY } from '../limits.ts';
 import { SensorTable, type SensorWords } from '../sensors/sensors.ts';
 
 /** A channel for which a viewer may set limits. */

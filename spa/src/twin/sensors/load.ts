@@ -1,5 +1,5 @@
 import { JOINT, type Level, type Schema, type Threshold } from '@posecast/wire';
-import { LevelLatch, type ValueLimits, worseOf } from '../limits/limits.ts';
+import { LevelLatch, type ValueLimits, worseOf } from '../limits.ts';
 import { valueAt } from '../values.ts';
 
 export type LoadField = 'cur' | 'temp';

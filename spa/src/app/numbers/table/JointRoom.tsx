@@ -1,9 +1,9 @@
 import { useEffect, useMemo, useState } from 'react';
 import { manifestAt } from '../../../model/files.ts';
 import { type Manifest, readManifest } from '../../../model/manifest.ts';
-import { limitMargin } from '../../../twin/balance/limit_margin.ts';
 import { type Display, displayOf, formatNumber } from '../../../twin/format.ts';
-import { JointChannels } from '../../../twin/joint_channels.ts';
+import { JointChannels } from '../../../twin/kinematic_tree.ts';
+import { limitMargin } from '../../../twin/limits.ts';
 import { isolated } from '../../../twin/names.ts';
 import { Poser } from '../../../twin/playback/pose.ts';
 import { useNow } from '../../shell/now.ts';

@@ -1,6 +1,5 @@
 import { useEffect, useState } from 'react';
-import { recordingUrl } from '../../../relay/recording_address.ts';
-import { relayChoice } from '../../../relay/relay.ts';
+import { recordingUrl, relayChoice } from '../../../relay/relay.ts';
 import { isolated } from '../../../twin/names.ts';
 import { PastBelowBody } from '../../past/PastBelowBody.tsx';
 import { missedMoment, useMomentNamed, usePast, useShown } from '../../past/use_past.ts';

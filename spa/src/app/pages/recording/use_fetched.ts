@@ -1,7 +1,7 @@
 import { useEffect, useState } from 'react';
 import { untilRetry } from '../../../browser/retry.ts';
 import { PastError } from '../../../past/past_source.ts';
-import { recordingUrl } from '../../../relay/recording_address.ts';
+import { recordingUrl } from '../../../relay/relay.ts';
 import { fetchRecording, type OpenedRecording } from './opened_recording.ts';
 
 /** The recording that this page was exported with, or the reason that it can't be read; null while it is loading. */

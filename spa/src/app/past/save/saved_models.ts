@@ -1,7 +1,7 @@
 import { BundleError, fetchBytes, fileUrl, isRecord, parseManifest } from '../../../model/bundle.ts';
 import { manifestAt } from '../../../model/files.ts';
 import { readManifest } from '../../../model/manifest.ts';
-import type { ModelFile, SavedModels } from '../../../past/save/save_ports.ts';
+import type { ModelFile, SavedModels } from '../../../past/save/saved_span.ts';
 
 const MANIFEST_BYTES_MAX = 4_000_000;
 const FILE_BYTES_MAX = 128_000_000;

@@ -3,7 +3,7 @@ import { LatePart } from '../../../browser/late_part.ts';
 import type { PastSource } from '../../../past/past_source.ts';
 import type { Span } from '../../../past/past_types.ts';
 import type { Measure, SavedFile } from '../../../past/save/save.ts';
-import type { SaveFormat, SavePorts } from '../../../past/save/save_ports.ts';
+import type { SaveFormat, SavePorts } from '../../../past/save/saved_span.ts';
 import { useLatePart } from '../../shell/late.tsx';
 import { type ManifestUrl, savedModels } from './saved_models.ts';
 
