@@ -1,9 +1,11 @@
+import { expect } from 'vitest';
 import { Lane, type LaneAction } from '../../src/stream/lane/lane.ts';
 import { type KnownBefore, ToldFaults } from '../../src/stream/lane_port.ts';
 import type { FromStream } from '../../src/stream/messages.ts';
 import { judge, type Verdict } from '../../src/twin/liveness.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
-import { LANE_SCHEMA, type LaneRelay, type Span, type TrueFrame } from './lane_relay.ts';
+import { LANE_SCHEMA, LaneRelay, type LaneStory, type Span, type TrueFrame } from './lane_relay.ts';
+import { seeded } from './playout_sim.ts';
 
 export interface LaneNetwork {
   /** Transit time of a request or an answer. */
@@ -123,6 +125,16 @@ export class LaneViewer {
     return this.behinds.findLast((told) => told.atMs <= atMs)?.ms ?? Number.NaN;
   }
 
+  shownAfter(atMs: number): Shown[] {
+    return this.shown.filter((each) => each.atMs > atMs);
+  }
+
+  /** The delay that this part of the frames had at most, of those shown after a moment. */
+  delay(part: number, afterMs = 0): number {
+    const delays = this.shownAfter(afterMs).map(({ atMs, acceptedMs }) => atMs - acceptedMs);
+    return quantile(delays, part);
+  }
+
   setVisible(isVisible: boolean): void {
     this.twin.acceptWatching(isVisible, this.#clock(this.nowMs));
     this.#do(this.#lane.visibility(this.#clock(this.nowMs), isVisible));
@@ -216,4 +228,42 @@ export class LaneViewer {
 export function quantile(values: readonly number[], part: number): number {
   const sorted = [...values].sort((a, b) => a - b);
   return sorted[Math.min(sorted.length - 1, Math.floor(part * sorted.length))] ?? Number.NaN;
+}
+
+/** How often a robot of the lane's tests sends a KEY. */
+export const KEY_MS = 4000;
+
+const relays = new Map<string, LaneRelay>();
+
+/** A robot of a minute and a half, and a page that joins. Robots of one story are one: to tell it takes longest. */
+export function watch(
+  story: Partial<LaneStory>,
+  joinsMs: number,
+  network: Partial<LaneNetwork> = {},
+  seed = 1,
+) {
+  const random = seeded(seed);
+  const whole = { lastsMs: 90_000, keyMs: KEY_MS, ...story };
+  const name = JSON.stringify(whole);
+  const relay = relays.get(name) ?? new LaneRelay(whole);
+  relays.set(name, relay);
+  const viewer = new LaneViewer(relay, { wayMs: () => 50 + 150 * random(), ...network }, joinsMs, random);
+  return { relay, viewer };
+}
+
+/** No frame is shown twice, none older than one before, and no event is told twice. */
+export function expectOnce({ shown, events }: LaneViewer, told = ''): void {
+  expect(new Set(shown.map(({ name }) => name)).size, told).toBe(shown.length);
+  const accepted = shown.map(({ acceptedMs }) => acceptedMs);
+  expect(accepted, told).toEqual([...accepted].sort((a, b) => a - b));
+  const numbers = events.map(({ n }) => n);
+  expect(numbers, told).toEqual([...new Set(numbers)].sort((a, b) => a - b));
+}
+
+/** No more requests than this in any ten seconds. */
+export function expectFew({ requests }: LaneViewer, most = 14, told = ''): void {
+  for (const { atMs } of requests) {
+    const next = requests.filter((each) => each.atMs >= atMs && each.atMs < atMs + 10_000);
+    expect(next.length, told).toBeLessThanOrEqual(most);
+  }
 }
