@@ -136,11 +136,12 @@ const TESTS = readdirSync(path.join(import.meta.dirname, 'tests'), { recursive: 
   .filter((file) => file.endsWith('.test.ts'))
   .map((file) => `tests/${file}`);
 
-/** Whether a test file needs a process of its own, because it replaces what others share: the document, globals, modules, the
- *  clock. The state of the page (`app`) is in its modules. A process costs a quarter of a second, so all others share theirs. */
+/** Whether a test file needs a process of its own: it needs a document, replaces modules, or changes the state of the page or of
+ *  the choice of a relay, which is in their modules. A process costs a quarter of a second, so all others share theirs, and undo
+ *  what they replace. */
 function isAlone(file: string): boolean {
   const text = readFileSync(path.join(import.meta.dirname, file), 'utf8');
-  return file.startsWith('tests/app/') || /happy-dom|\bvi\.(?!fn\b|setConfig\b|waitFor\b)/.test(text);
+  return /^tests\/(app|relay)\//.test(file) || /happy-dom|\bvi\.(mock|doMock|resetModules)\b/.test(text);
 }
 
 export default defineConfig({
