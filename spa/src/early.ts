@@ -10,7 +10,7 @@ import { builtModelAt } from './model/files.ts';
 import { accessSettled, laneUrl, manifestUrl, streamUrl, WANTED_HZ } from './relay/addresses.ts';
 import { early, recordingUrl } from './relay/relay.ts';
 import { request } from './relay/request.ts';
-import { takeToken } from './relay/token.ts';
+import { takeToken } from './relay/visitor.ts';
 import { prepareStream, startEarly } from './stream/early_stream.ts';
 
 performance.mark('posecast:early');

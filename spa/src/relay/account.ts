@@ -10,7 +10,8 @@ import {
   type User,
 } from '@firebase/auth';
 import { accounts } from './relay.ts';
-import { setAccountName, setAccountToken } from './token.ts';
+import { setAccountToken } from './token.ts';
+import { setAccountName } from './visitor.ts';
 
 /** Signing in with Firebase. A separate chunk, loaded only for people who sign in or have signed in here before. */
 

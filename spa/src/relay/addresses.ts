@@ -1,5 +1,6 @@
 import { accounts, relayChoice, relaySettled } from './relay.ts';
-import { tokenFor, wasSignedIn, withholdTokens } from './token.ts';
+import { tokenFor, withholdTokens } from './token.ts';
+import { wasSignedIn } from './visitor.ts';
 
 /** Addresses (URLs) on the relay that this page reads. */
 

@@ -1,5 +1,5 @@
 import { type FormEvent, useEffect, useState, useSyncExternalStore } from 'react';
-import { accountName, onAccountName } from '../../relay/token.ts';
+import { accountName, onAccountName } from '../../relay/visitor.ts';
 import { Dialog } from '../shell/Dialog.tsx';
 import { korean, useText } from '../text/language.ts';
 import './account.css';
