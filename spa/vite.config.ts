@@ -1,5 +1,5 @@
 import { createHash } from 'node:crypto';
-import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { mkdirSync, readdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import path from 'node:path';
 import react from '@vitejs/plugin-react';
@@ -160,6 +160,18 @@ function embedEntry(): Plugin {
   };
 }
 
+const TESTS = readdirSync(path.join(import.meta.dirname, 'tests'), { recursive: true, encoding: 'utf8' })
+  .filter((file) => file.endsWith('.test.ts'))
+  .map((file) => `tests/${file}`);
+
+/** Whether a test file needs a process of its own: it needs a document, replaces modules, or changes the state of the page or of
+ *  the choice of a relay, which is in their modules. A process costs a quarter of a second, so all others share theirs, and undo
+ *  what they replace. */
+function isAlone(file: string): boolean {
+  const text = readFileSync(path.join(import.meta.dirname, file), 'utf8');
+  return /^tests\/(app|relay)\//.test(file) || /happy-dom|\bvi\.(mock|doMock|resetModules)\b/.test(text);
+}
+
 export default defineConfig({
   base: './', // one build for any path; the routes live in the hash
   plugins: [react(), contentPolicy(), earlyStart(), routesPage(), embedEntry()],
@@ -180,6 +192,16 @@ export default defineConfig({
   server: {
     proxy: { '/api': { target: process.env.POSECAST_RELAY ?? 'http://127.0.0.1:8080', ws: true } },
   },
-  // these tests measure no time: on a busy machine, the default of five seconds would
-  test: { include: ['tests/**/*.test.ts'], environment: 'node', testTimeout: 120_000 },
+  test: {
+    environment: 'node',
+    testTimeout: 120_000, // these tests measure no time: on a busy machine, the default of five seconds would
+    maxWorkers: '100%',
+    projects: [
+      { extends: true, test: { name: 'alone', include: TESTS.filter(isAlone) } },
+      {
+        extends: true,
+        test: { name: 'together', include: TESTS.filter((file) => !isAlone(file)), isolate: false },
+      },
+    ],
+  },
 });

@@ -48,7 +48,7 @@ READ_UNITS = """
 import { runnerImport } from 'vite';
 
 const options = { configFile: false, logLevel: 'error', root: '.' };
-const { module } = await runnerImport('src/twin/wrench_units.ts', options);
+const { module } = await runnerImport('src/twin/balance/foot_wrench.ts', options);
 const { factorAmong, FORCE_UNITS, TORQUE_UNITS } = module;
 const { forces, moments } = JSON.parse(process.argv[1]);
 const read = (units, factors) => units.filter((unit) => factorAmong(factors, unit) !== null);

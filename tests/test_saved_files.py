@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import json
 import subprocess
 import zipfile
 from collections import Counter
@@ -28,7 +29,9 @@ SCHEMA = (SEGMENTS / "schema.json").read_text()
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("saved")
-    subprocess.run(["node", REPO / "spa/tests/rigs/save_files.mjs", SEGMENTS, folder], check=True)
+    folders = json.dumps({"from": str(SEGMENTS), "into": str(folder)})
+    command = ["node", REPO / "spa/tests/rigs/run.mjs", "save_files.ts", "saveFiles"]
+    subprocess.run(command, input=folders, text=True, stdout=subprocess.DEVNULL, check=True)
     return folder
 
 

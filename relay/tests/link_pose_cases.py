@@ -1,5 +1,5 @@
 """Makes `wire/vectors/link_poses.json`: models, what robots report, and where their links are then. The
-page's tests (spa/tests/model/link_poses.test.ts) find the same.
+page's tests (spa/tests/model/kinematics.test.ts) find the same.
 
     python -m relay.tests.link_pose_cases
 """

@@ -1,4 +1,4 @@
-"""Where links are in /tf: as the page has them (spa/tests/model/link_poses.test.ts reads the same cases)."""
+"""Where links are in /tf: as the page has them (spa/tests/model/kinematics.test.ts reads the same cases)."""
 
 from __future__ import annotations
 

@@ -6,12 +6,10 @@
 
 import { adoptPath, parseRoute } from './app/state/address.ts';
 import { builtModelAt } from './model/files.ts';
-import { streamUrl, WANTED_HZ } from './relay/addresses.ts';
-import { laneUrl, manifestUrl } from './relay/lane.ts';
-import { takeToken } from './relay/link_token.ts';
-import { early, recordingUrl } from './relay/recording_address.ts';
+import { accessSettled, laneUrl, manifestUrl, streamUrl, WANTED_HZ } from './relay/addresses.ts';
+import { early, recordingUrl } from './relay/relay.ts';
 import { request } from './relay/request.ts';
-import { accessSettled } from './relay/settled.ts';
+import { takeToken } from './relay/visitor.ts';
 import { prepareStream, startEarly } from './stream/early_stream.ts';
 
 performance.mark('posecast:early');

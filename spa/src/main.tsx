@@ -8,8 +8,8 @@ import { AbsentNotice, ErrorBoundary, late, onDemand, reloadAfterDeploy } from '
 import { address, leavePath, onLink, parseRoute, queryOf } from './app/state/address.ts';
 import { applyLinkSettings } from './app/state/settings.ts';
 import { bindLanguage } from './app/text/language.ts';
-import { recordingUrl } from './relay/recording_address.ts';
-import { accessSettled } from './relay/settled.ts';
+import { accessSettled } from './relay/addresses.ts';
+import { recordingUrl } from './relay/relay.ts';
 import './app/shell/styles/tokens.css';
 import './app/shell/styles/page.css';
 import './app/shell/styles/robot.css';

@@ -49,21 +49,20 @@ def encode_values(schema_text: str, values: Mapping[str, float]) -> list[int]:
 
 
 def read_balance(manifest: Document, schema: str, frames: Sequence[Document]) -> list[Document]:
-    """The page's result for frames with `t`, `codes`, optionally `velocity` (`rigs/balance_course.ts`)."""
-    found: list[Document] = _run("balance_course.mjs", manifest, schema, frames)["frames"]
+    """The page's result for frames with `t`, `codes`, optionally `velocity` (`rigs/balance_courses.ts`)."""
+    found: list[Document] = _run("readBalance", manifest, schema, frames)["frames"]
     return found
 
 
 def read_stances(manifest: Document, schema: str, frames: Sequence[Document]) -> Document:
-    """The page's text for frames with `t` and `codes` (spa/tests/rigs/stance_course.ts)."""
-    return _run("stance_course.mjs", manifest, schema, frames)
+    """The page's text for frames with `t` and `codes` (`readStances` there)."""
+    return _run("readStances", manifest, schema, frames)
 
 
-def _run(script: str, manifest: Document, schema: str, frames: Sequence[Document]) -> Document:
+def _run(function: str, manifest: Document, schema: str, frames: Sequence[Document]) -> Document:
     course = json.dumps({"manifest": manifest, "schema": schema, "frames": frames})
-    done = subprocess.run(
-        ["node", REPO / "spa/tests/rigs" / script], input=course, capture_output=True, text=True, check=False
-    )
+    command = ["node", REPO / "spa/tests/rigs/run.mjs", "balance_courses.ts", function]
+    done = subprocess.run(command, input=course, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found: Document = json.loads(done.stdout)
     return found

@@ -1,6 +1,5 @@
 import { useEffect, useLayoutEffect, useState, useSyncExternalStore } from 'react';
-import { recordingUrl } from '../relay/recording_address.ts';
-import { relayChoice } from '../relay/relay.ts';
+import { recordingUrl, relayChoice } from '../relay/relay.ts';
 import { isolated } from '../twin/names.ts';
 import { closeLocal, listenForDrops, useLocal } from './pages/local/local.ts';
 import { RobotPage } from './pages/RobotPage.tsx';

@@ -1,5 +1,5 @@
 import { Emitter } from '../kit.ts';
-import { firstPaint } from './first_paint.ts';
+import { firstPaint } from './painting.ts';
 import { answers, untilRetry } from './retry.ts';
 
 /** Parts that may be needed later are fetched once the body has been shown for this long. */

@@ -1,3 +1,4 @@
+import { readAtMost } from '../kit.ts';
 import { request } from '../relay/request.ts';
 import { tokenFor } from '../relay/token.ts';
 
@@ -105,29 +106,10 @@ export async function fetchBytes(
     const Refusal = response.status >= 500 || response.status === 429 ? NotNow : BundleError;
     throw new Refusal(`${name}: answered ${response.status}`);
   }
-  const reader = response.body?.getReader();
-  if (reader === undefined) return new Uint8Array();
-  const chunks: Uint8Array[] = [];
-  let length = 0;
-  for (;;) {
-    const { done, value } = await reader.read().catch((cause: unknown) => {
-      throw new NotNow(`${name}: the answer broke off`, { cause });
-    });
-    if (done) break;
-    length += value.length;
-    if (length > limit) {
-      await reader.cancel();
-      throw new BundleError(`${name}: longer than ${limit} bytes`);
-    }
-    chunks.push(value);
-    onBytes(value.length);
-  }
-  const bytes = new Uint8Array(length);
-  let at = 0;
-  for (const chunk of chunks) {
-    bytes.set(chunk, at);
-    at += chunk.length;
-  }
+  const bytes = await readAtMost(response.body, limit, onBytes).catch((cause: unknown) => {
+    throw new NotNow(`${name}: the answer broke off`, { cause });
+  });
+  if (bytes === null) throw new BundleError(`${name}: longer than ${limit} bytes`);
   return bytes;
 }
 

@@ -9,7 +9,7 @@
 
 export type JointType = 'revolute' | 'continuous' | 'prismatic' | 'fixed' | 'floating' | 'planar';
 
-type Triple = readonly [number, number, number];
+export type Triple = readonly [number, number, number];
 
 export interface Joint {
   readonly name: string;
@@ -27,9 +27,9 @@ export interface Joint {
   readonly mimic: { readonly joint: number; readonly multiplier: number; readonly offset: number } | null;
 }
 
-/** The variables of joints with several values, named `JOINT/variable`, with their values at rest (rad or m; `rot_*`:
+/** The variables of joints with several values, whose readings are named `JOINT/variable`, with their values at rest (rad or m; `rot_*`:
  *  parts of a quaternion). */
-const VARIABLES: Readonly<Record<'planar' | 'floating', readonly (readonly [string, number])[]>> = {
+export const VARIABLES: Readonly<Record<'planar' | 'floating', readonly (readonly [string, number])[]>> = {
   planar: [
     ['x', 0],
     ['y', 0],
@@ -289,17 +289,5 @@ export function transform(
     ...[s * 2 * (x * y - w * z), s * (1 - 2 * (x * x + z * z)), s * 2 * (y * z + w * x), 0],
     ...[s * 2 * (x * z + w * y), s * 2 * (y * z - w * x), s * (1 - 2 * (x * x + y * y)), 0],
     ...[tx, ty, tz, 1],
-  ];
-}
-
-/** The unit quaternion w, x, y, z of roll, pitch and yaw (rad) about fixed axes, as in URDF. */
-export function quaternionFromRpy([roll, pitch, yaw]: Triple): readonly [number, number, number, number] {
-  const [cr, cp, cy] = [Math.cos(roll / 2), Math.cos(pitch / 2), Math.cos(yaw / 2)];
-  const [sr, sp, sy] = [Math.sin(roll / 2), Math.sin(pitch / 2), Math.sin(yaw / 2)];
-  return [
-    cr * cp * cy + sr * sp * sy,
-    sr * cp * cy - cr * sp * sy,
-    cr * sp * cy + sr * cp * sy,
-    cr * cp * sy - sr * sp * cy,
   ];
 }

@@ -1,5 +1,4 @@
-import type { Quat, Vec3 } from '../twin/rotation.ts';
-import { addScaled, normalize, type Transform } from '../twin/vectors.ts';
+import { addScaled, normalize, type Quat, type Transform, type Vec3 } from '../twin/rotation.ts';
 
 /** Vector algebra for everything drawn about a robot, independent of three.js. */
 export {
@@ -8,11 +7,12 @@ export {
   dot,
   normalize,
   pointThrough,
+  quatOfRpy,
   rejectFrom,
   rotateAbout,
   scale,
   type Transform,
-} from '../twin/vectors.ts';
+} from '../twin/rotation.ts';
 
 /** Rotates a direction from the inner frame to the outer one and scales it to length one; zero stays zero. */
 export function directionThrough(m: Transform, [x, y, z]: Vec3): Vec3 {

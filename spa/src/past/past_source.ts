@@ -19,6 +19,11 @@ export interface SegmentRef extends Span {
   readonly events: readonly PastEvent[];
 }
 
+/** Identifies a segment among all of a robot's segments. */
+export function nameOfRef({ take, index }: Pick<SegmentRef, 'take' | 'index'>): string {
+  return `${take}/${index}`;
+}
+
 /** Why something in the past is unavailable. `gone`: it is no longer kept, or not visible to this page. `away`: its source does
  *  not answer; it may later. */
 export class PastError extends Error {
@@ -27,6 +32,16 @@ export class PastError extends Error {
   constructor(why: PastError['why'], message: string) {
     super(message);
     this.why = why;
+  }
+}
+
+/** The result of `decode`; if it rejects the data with a `Refusal`, `name` is damaged. */
+export function decoded<T>(name: string, Refusal: new () => Error, decode: () => T): T {
+  try {
+    return decode();
+  } catch (error) {
+    if (error instanceof Refusal) throw new PastError('damaged', `${name}: ${error.message}`);
+    throw error;
   }
 }
 

@@ -1,4 +1,5 @@
 import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
+import type { Span } from '../kit.ts';
 import type { Recorded } from '../twin/liveness.ts';
 
 /** The interface between a robot's past and the page. Moments are unix ms by the relay's clock, with fractions. */
@@ -61,10 +62,12 @@ export interface Playhead {
   readonly recorded: Recorded | null;
 }
 
-export interface Span {
-  readonly fromMs: number;
-  readonly toMs: number;
-}
+export type { Span } from '../kit.ts';
+
+export const MINUTE_MS = 60_000;
+/** Length of a page of the index or of first poses, ms. */
+export const PAGE_MS = 10 * MINUTE_MS;
+export const DAY_MS = 144 * PAGE_MS;
 
 /** Something that started at a moment. */
 export interface Mark {

@@ -9,9 +9,9 @@ import {
   signOut as signOutOf,
   type User,
 } from '@firebase/auth';
-import { setAccountName } from './account_name.ts';
 import { accounts } from './relay.ts';
 import { setAccountToken } from './token.ts';
+import { setAccountName } from './visitor.ts';
 
 /** Signing in with Firebase. A separate chunk, loaded only for people who sign in or have signed in here before. */
 

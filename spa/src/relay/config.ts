@@ -1,3 +1,5 @@
+import { fieldsOf } from '../kit.ts';
+
 /** Reads the `config.json` beside the page, and decides which relay or mirror an address may select. */
 
 /** A Firebase project, by its names in the Firebase console. */
@@ -51,10 +53,6 @@ export function readConfig(body: unknown): Config {
         : null,
     database: isText(databaseURL) ? databaseURL : null,
   };
-}
-
-function fieldsOf(value: unknown): Record<string, unknown> {
-  return typeof value === 'object' && value !== null ? (value as Record<string, unknown>) : {};
 }
 
 /** Selects the relay from `home` (the page's folder), `search` (the query of its address) and the config. */

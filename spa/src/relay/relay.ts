@@ -1,12 +1,10 @@
+import type { Accounts, Choice } from './config.ts';
+import { asAnyone } from './token.ts';
+
 /**
  * Which relay this page reads: by default the origin that served the page, below the page's own path, unless `config.json` or the
  * address select another (`config.ts`, loaded only in that case).
  */
-
-import { readStored } from '../browser/storage.ts';
-import type { Accounts, Choice } from './config.ts';
-import { recordingUrl } from './recording_address.ts';
-import { asAnyone } from './token.ts';
 
 /** How long to wait for `config.json`, which is as fast to load as the page beside it. After that the page uses its own origin
  *  for good, so the limit is generous for slow connections and busy devices. */
@@ -14,9 +12,6 @@ const CONFIG_LATE_MS = 30_000;
 
 /** Matches an address that requests a source other than the page's own origin, or another way to it. */
 const ELSEWHERE = /[?&](relay|source|lane)=/;
-
-/** Storage key of the signed-in account's name. */
-export const ACCOUNT = 'posecast.account';
 
 /** Set when `relaySettled` resolves; null without accounts, and in another site's frame. */
 export let accounts: Accounts | null = null;
@@ -67,11 +62,6 @@ export function relaySettled(): Promise<Choice> {
   return asking;
 }
 
-/** Whether somebody has signed in here before. If not, the code for accounts is not loaded. */
-export function wasSignedIn(): boolean {
-  return readStored(ACCOUNT) !== null;
-}
-
 /** Adds a second Content-Security-Policy; a connection must be allowed by both. */
 function allowOnly({ origin, host, protocol }: URL, further: string): void {
   const meta = document.createElement('meta');
@@ -80,3 +70,18 @@ function allowOnly({ origin, host, protocol }: URL, further: string): void {
   meta.content = `connect-src 'self' ${origin} ${socket} ${further} blob: data:; img-src 'self' ${origin} blob: data:`;
   document.head.append(meta);
 }
+
+/** An exported recording is this page with a `<meta name="posecast-recording">` that names its `recording.json`. */
+
+/** The address of the recording that this page was exported with; null if there is none. */
+export function recordingUrl(): string | null {
+  const meta = document.querySelector<HTMLMetaElement>('meta[name="posecast-recording"]');
+  return meta === null ? null : new URL(meta.content, window.location.href.replace(/[?#].*$/, '')).href;
+}
+
+/** The early request for that address, sent before the code that reads its answer had loaded; null if there is none. */
+export const early: {
+  request: { readonly answer: Promise<Response>; readonly stop: AbortController } | null;
+} = {
+  request: null,
+};

@@ -7,13 +7,48 @@ import {
   SchemaError,
   TAG_KEY,
 } from '@posecast/wire';
-import { poseDiffers } from '../twin/pose_change.ts';
 import type { Delay } from './lateness.ts';
 import type { FromStream } from './messages.ts';
 import { RateMeter } from './pacing.ts';
 
 /** After a longer pause between frames, the pose may have moved meanwhile, so it counts as changed. */
 const GAP_MS = 2500;
+
+/** Decodes frames one after another, and tells when the pose last changed. */
+export class PoseDecoder {
+  readonly #decoder = new Decoder();
+  #newest: { readonly schema: Schema; readonly codes: Int32Array; readonly leftMs: number } | null = null;
+  /** When the pose last changed. */
+  changedMs = 0;
+
+  /** Takes a schema's text. Returns what is wrong with it, if anything. */
+  addSchema(text: string): Schema | string {
+    try {
+      return this.#decoder.addSchema(text);
+    } catch (error) {
+      if (error instanceof SchemaError) return error.message;
+      throw error;
+    }
+  }
+
+  /** null for an unreadable frame, which is skipped: no later KEY needs it. */
+  decode(bytes: Uint8Array): Frame | null {
+    try {
+      return this.#decoder.decode(bytes);
+    } catch (error) {
+      if (error instanceof FrameError) return null;
+      throw error;
+    }
+  }
+
+  /** Records a frame that is to be shown. `leftMs`: when it left the relay, at the latest. */
+  record({ schema, codes }: Frame, leftMs: number, nowMs: number): void {
+    const before = this.#newest;
+    const isUnsure = before?.schema.id !== schema.id || leftMs - before.leftMs > GAP_MS;
+    if (isUnsure || poseDiffers(schema, before.codes, codes)) this.changedMs = nowMs;
+    this.#newest = { schema, codes, leftMs };
+  }
+}
 
 type Told = Extract<RelayMessage, { type: 'status' | 'schema' | 'info' | 'event' | 'model' }>;
 
@@ -23,7 +58,7 @@ type Told = Extract<RelayMessage, { type: 'status' | 'schema' | 'info' | 'event'
  */
 export class FrameReader {
   readonly #post: (message: FromStream) => void;
-  readonly #decoder = new Decoder();
+  readonly #poses = new PoseDecoder();
   readonly #rate = new RateMeter();
   #shownSchemaId: number | null = null;
   /** The newest frame that the relay's status named, and when it was new (null if the relay does not know). */
@@ -31,8 +66,7 @@ export class FrameReader {
   #freshMs: number | null = null;
   /** Whether frames arrive without a break. False after a pause: the relay may have had the next frame for a while. */
   #flows = true;
-  #changedMs = 0;
-  #newest: { schemaId: number; seq: number; codes: Int32Array; leftMs: number } | null = null;
+  #newest: { readonly seq: number; readonly leftMs: number } | null = null;
 
   constructor(post: (message: FromStream) => void) {
     this.#post = post;
@@ -70,29 +104,20 @@ export class FrameReader {
   }
 
   frame(nowMs: number, delay: Delay, bytes: Uint8Array): void {
-    let frame: Frame;
-    try {
-      frame = this.#decoder.decode(bytes);
-    } catch (error) {
-      // An unreadable frame is skipped: the relay sends its base, and the next KEY needs none.
-      if (error instanceof FrameError) return;
-      throw error;
-    }
+    const frame = this.#poses.decode(bytes);
+    if (frame === null) return;
     const { schema, seq, codes } = frame;
     // A KEY older than the relay's newest frame is only a base for later frames, not news about the robot.
     if (bytes[0] === TAG_KEY && seq < (this.#told?.seq ?? 0)) return;
     const leftMs = nowMs - delay.leastMs;
     const writtenMs = nowMs - delay.mostMs;
-    const before = this.#newest;
-    const sameSchema = before !== null && before.schemaId === schema.id;
-    const unsure = !sameSchema || leftMs - before.leftMs > GAP_MS;
-    if (unsure || poseDiffers(schema, before.codes, codes)) this.#changedMs = nowMs;
+    this.#poses.record(frame, leftMs, nowMs);
     const told = this.#told;
     const fresh = this.#flows && told !== null && seq > told.seq;
     this.#flows = true;
     if (fresh) this.#freshMs = writtenMs;
     this.#show(schema); // it may be one that was shown earlier
-    this.#newest = { schemaId: schema.id, seq, codes, leftMs };
+    this.#newest = { seq, leftMs };
     this.#rate.recordArrival(nowMs);
     this.#post({
       kind: 'state',
@@ -103,7 +128,7 @@ export class FrameReader {
         codes: codes.slice(),
         freshMs: this.#freshMs,
         bornMs: fresh ? writtenMs : told?.seq === seq ? told.bornMs : null,
-        changedMs: this.#changedMs,
+        changedMs: this.#poses.changedMs,
         atMs: nowMs,
         lateMs: delay.leastMs,
         transitMs: delay.mostMs,
@@ -134,20 +159,98 @@ export class FrameReader {
   }
 
   #schema(text: string): void {
-    let schema: Schema;
-    try {
-      schema = this.#decoder.addSchema(text);
-    } catch (error) {
-      if (!(error instanceof SchemaError)) throw error;
-      this.#post({ kind: 'problem', problem: { what: 'schema', detail: error.message } });
-      return;
-    }
-    this.#show(schema);
+    const schema = this.#poses.addSchema(text);
+    if (typeof schema === 'string')
+      this.#post({ kind: 'problem', problem: { what: 'schema', detail: schema } });
+    else this.#show(schema);
   }
 
   #show(schema: Schema): void {
     if (schema.id === this.#shownSchemaId) return;
     this.#shownSchemaId = schema.id;
     this.#post({ kind: 'schema', schema });
+  }
+}
+
+/** The fields that define a pose: while none of them changes, the robot is holding still. */
+const POSE_FIELDS = ['pos', 'ref', 'flags'] as const;
+
+/** Whether two frames' codes show different poses. Codes are compared exactly: a robot at rest keeps sending the same
+ *  codes. */
+export function poseDiffers(schema: Schema, before: Int32Array, after: Int32Array): boolean {
+  let any = false;
+  for (const name of POSE_FIELDS) {
+    const field = schema.field(name);
+    if (field === null) continue;
+    any = true;
+    for (let i = field.start; i < field.start + field.size; i++) if (before[i] !== after[i]) return true;
+  }
+  if (any) return false;
+  return before.some((code, i) => code !== after[i]); // a robot without joints: everything counts
+}
+
+/** Identifies a frame if its run is not sent. */
+interface FrameMark {
+  readonly seq: number;
+  readonly tS: number;
+}
+
+/** The maximum lag of another relay behind the one that showed the newest frame, s; anything later is not live or belongs to
+ *  another run. */
+const LAG_S = 1.5;
+
+/** Skips the first frames of a socket if a lane, another transport or another relay has already shown them or a newer one. */
+export class Overlap {
+  #shown: FrameMark | null = null;
+
+  /** `shown`: the newest shown frame. */
+  begin(shown: FrameMark | null): void {
+    this.#shown = shown;
+  }
+
+  /** Whether this frame, or a newer one of the same run, was already shown. The first frame that was not ends the overlap. */
+  isShown({ seq, tS }: FrameMark): boolean {
+    const shown = this.#shown;
+    if (shown !== null) {
+      if (seq === shown.seq && tS === shown.tS) return true;
+      if (seq < shown.seq && tS < shown.tS && shown.tS - tS < LAG_S) return true;
+    }
+    this.#shown = null;
+    return false;
+  }
+}
+
+/**
+ * A slot for one item between the worker and the page. While the page is busy with the last item, a newer item replaces the
+ * waiting one, because an old pose is worthless.
+ */
+export class Mailbox<T> {
+  #waiting: T | null = null;
+  #busy = false;
+  /** How many items were replaced before delivery. */
+  replaced = 0;
+
+  /** Adds an item. Returns what to hand over now, if anything. */
+  put(item: T): T | null {
+    if (!this.#busy) {
+      this.#busy = true;
+      return item;
+    }
+    if (this.#waiting !== null) this.replaced += 1;
+    this.#waiting = item;
+    return null;
+  }
+
+  /** The other side is ready again. Returns what to hand over now, if anything. */
+  taken(): T | null {
+    const next = this.#waiting;
+    this.#waiting = null;
+    this.#busy = next !== null;
+    return next;
+  }
+
+  /** Drops the waiting item. */
+  clear(): void {
+    this.#waiting = null;
   }
 }

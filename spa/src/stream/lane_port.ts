@@ -1,4 +1,6 @@
 import type { EventMessage } from '@posecast/wire';
+import { dropOldest } from '../kit.ts';
+import { causeOf } from '../twin/names.ts';
 import type { FromStream } from './messages.ts';
 
 /** The interface between the worker and the lane (`lane/open_lane.ts`), which is loaded on demand. */
@@ -43,4 +45,24 @@ export interface OpenLane {
   /** Something changed outside: the wait after a failure is cut short. */
   wake(): void;
   close(): void;
+}
+
+/** The maximum that a part lists; if there are more, the oldest are missing (wire/SPEC.md §10). */
+export const FAULTS_MAX = 100;
+
+/** The faults that the page considers open, from the events that it has received. */
+export class ToldFaults {
+  readonly #open = new Map<string, EventMessage>();
+
+  get open(): EventMessage[] {
+    return [...this.#open.values()];
+  }
+
+  record(event: EventMessage): void {
+    const cause = causeOf(event);
+    this.#open.delete(cause);
+    if (event.state !== 'on') return;
+    this.#open.set(cause, event);
+    dropOldest(this.#open, FAULTS_MAX);
+  }
 }

@@ -1,15 +1,19 @@
 /// <reference lib="webworker" />
 import { WIRE_VERSION } from '@posecast/wire';
 import { nowMs, setSlept } from './clock.ts';
+import { Mailbox, Overlap } from './frame_reader.ts';
 import laneUrl from './lane/lane_script.ts?worker&url';
-import type { EventMark, LaneHandlers, OpenLane, ShownFrame } from './lane_port.ts';
-import { Mailbox } from './mailbox.ts';
+import {
+  type EventMark,
+  type LaneHandlers,
+  type OpenLane,
+  type ShownFrame,
+  ToldFaults,
+} from './lane_port.ts';
 import type { Action, FromStream, ToStream } from './messages.ts';
-import { Overlap } from './overlap.ts';
 import { Session } from './session.ts';
 import type { EventStream, StreamEvent } from './sse.ts';
-import { ToldFaults } from './told_faults.ts';
-import type { Transport } from './transport.ts';
+import { type Transport, tryWebSocket } from './transport.ts';
 
 /** The worker thread that owns the socket: it performs the session's actions and reports events to the session. */
 
@@ -166,26 +170,27 @@ function read(url: string, by: Transport): void {
     () => unlessLeft((to) => to.closed(nowMs(), 1006, 'no reader')),
   );
 }
+
 /** Tries a WebSocket in parallel, one at a time. It takes over once the relay has accepted it. */
 function attempt(url: string): void {
-  const beside = events;
-  void import('./trial.ts').then(({ tryWebSocket }) => {
-    if (events !== beside) return;
-    trial?.close();
-    const accepted: Parameters<typeof tryWebSocket>[2] = (tried, heard) => {
-      if (trial !== tried || session === null) return;
-      trial = null; // so that it is not closed
-      overlap.begin(shown);
-      drop();
-      own(tried);
-      perform(session.moved(nowMs()));
-      for (const each of heard) tried.onmessage?.(each);
-    };
+  trial?.close();
+  const accepted: Parameters<typeof tryWebSocket>[2] = (tried, heard) => {
+    if (trial !== tried || session === null) return;
+    trial = null; // so that it is not closed
+    overlap.begin(shown);
+    drop();
+    own(tried);
+    perform(session.moved(nowMs()));
+    for (const each of heard) tried.onmessage?.(each);
+  };
+  try {
     const tried = tryWebSocket(url, token, accepted, (retryS) => {
       if (trial === tried) session?.refused(nowMs(), retryS);
     });
     trial = tried;
-  });
+  } catch {
+    trial = null; // not an address for sockets here
+  }
 }
 
 function drop(): void {

@@ -1,6 +1,6 @@
 import { type Field, type Level, MISSING, type Schema, type Severity } from '@posecast/wire';
 import { flagWords } from './format.ts';
-import { LevelLatch, type Threshold, ValueLimits, worseOf } from './limits/limits.ts';
+import { LevelLatch, type Threshold, ValueLimits, worseOf } from './limits.ts';
 import { valueAt } from './values.ts';
 
 export interface Flag {

@@ -1,3 +1,5 @@
+import { JointMapping, type Schema } from '@posecast/wire';
+
 /** A link of the model, its parent link and the joint between them. */
 export interface TreeLink {
   readonly link: string;
@@ -43,5 +45,38 @@ export class KinematicTree {
   before(joint: string): string | null {
     const parent = this.#links.get(this.linkOf(joint) ?? '')?.parent ?? null;
     return parent === null ? null : this.jointOf(parent);
+  }
+}
+
+/** Looks up which of the robot's channels move which joints of the URDF model, in both directions. */
+export class JointChannels {
+  readonly #jointsOf = new Map<string, string[]>();
+  readonly #channelOf = new Map<string, { channel: string; gain: number }>();
+
+  constructor(schema: Schema) {
+    const fields = ['pos', 'ref'].filter((name) => schema.field(name) !== null);
+    const joints = new Set(fields.flatMap((name) => new JointMapping(schema, name).joints));
+    for (const joint of joints) {
+      const terms = schema.mapping.joints.get(joint)?.terms ?? ([[joint, 1]] as const);
+      for (const [channel, gain] of terms) this.#add(joint, channel, Math.abs(gain));
+    }
+  }
+
+  /** URDF joints that the channel contributes to with a non-zero gain. */
+  jointsOf(channel: string): readonly string[] {
+    return this.#jointsOf.get(channel) ?? [];
+  }
+
+  /** The channel with the largest gain for a URDF joint, the first of equal ones; null if there is none. */
+  channelOf(joint: string): string | null {
+    return this.#channelOf.get(joint)?.channel ?? null;
+  }
+
+  #add(joint: string, channel: string, gain: number): void {
+    if (gain === 0) return;
+    const joints = this.#jointsOf.get(channel) ?? [];
+    joints.push(joint);
+    this.#jointsOf.set(channel, joints);
+    if (gain > (this.#channelOf.get(joint)?.gain ?? 0)) this.#channelOf.set(joint, { channel, gain });
   }
 }

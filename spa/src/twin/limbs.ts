@@ -1,6 +1,5 @@
 import type { Schema } from '@posecast/wire';
-import { JointChannels } from './joint_channels.ts';
-import type { KinematicTree } from './kinematic_tree.ts';
+import { JointChannels, type KinematicTree } from './kinematic_tree.ts';
 import { isolated } from './names.ts';
 
 /** A group of joints that belong together, with its title; labels are the robot's own. */

@@ -24,6 +24,11 @@ export function plainName(schema: Schema | null, label: string, language: string
   return name === null ? undefined : isolated(name);
 }
 
+/** Identifies a fault among those of a robot: its source and its text. No name holds a control character. */
+export function causeOf({ source, text }: { readonly source: string; readonly text: string }): string {
+  return `${source}\n${text}`;
+}
+
 const placesOf = new WeakMap<readonly string[], ReadonlyMap<string, number>>();
 
 /** The index of a name in a list that never changes, or -1. Like `indexOf`, but cached, so that a loop over all names stays

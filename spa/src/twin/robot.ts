@@ -1,11 +1,10 @@
 import type { EventMessage, Schema } from '@posecast/wire';
-import { Emitter } from '../kit.ts';
+import { Emitter, isWithin, type Span } from '../kit.ts';
 import { JointTable } from './joints.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
-import { NO_EDITS, type ThresholdEdits, ValueLimits } from './limits/limits.ts';
+import { NO_EDITS, type ThresholdEdits, ValueLimits } from './limits.ts';
 import { type Evidence, newestAgeMs, STALE_AFTER_MS, type Status } from './liveness.ts';
 import { isolated } from './names.ts';
-import { isWithin, type Spans } from './spans.ts';
 import { valueAt } from './values.ts';
 
 /** Maximum number of events kept, as many as the relay keeps; the oldest are dropped. */
@@ -51,7 +50,7 @@ export class RobotTwin {
   /** Whether these are all recent events; otherwise older ones are still to come. */
   hasAllEvents = true;
   /** The deleted spans of its past, unix ms by the relay's clock. */
-  deleted: Spans = [];
+  deleted: readonly Span[] = [];
   modelHash: string | null = null;
   /** The kinematic tree of the model; null while no model is loaded. */
   tree: KinematicTree | null = null;
@@ -232,7 +231,7 @@ export class RobotTwin {
   }
 
   /** Forgets the events of deleted spans (unix ms), also if the relay repeats them. */
-  acceptDeleted(spans: Spans): void {
+  acceptDeleted(spans: readonly Span[]): void {
     this.deleted = spans;
     this.events = this.events.filter((event) => !this.#isDeleted(event));
     this.#changed();

@@ -1,4 +1,5 @@
-import { quaternionFromRpy, transform } from '../model/kinematics.ts';
+import { transform } from '../model/kinematics.ts';
+import { quatOfRpy } from '../model/vectors.ts';
 import type { Tree } from './tree.ts';
 import { type Joint, SCALAR_TYPES, type Vector } from './types.ts';
 
@@ -83,7 +84,7 @@ class BoneMaker {
     const bones = this.#below[link]!.flatMap(({ xyz }) => this.#bone(xyz));
     const joint = this.#joints[link - 1];
     if (joint === undefined || !SCALAR_TYPES.has(joint.type)) return bones;
-    const axis = unit(joint.axis ?? [1, 0, 0]) ?? [1, 0, 0];
+    const axis = (joint.axis && unit(joint.axis)) ?? DEFAULT_AXIS;
     bones.push(this.#axis(link, joint, axis));
     if (this.#below[link]!.length === 0) {
       const length = STUB * this.#scales[link]!;
@@ -115,14 +116,14 @@ class BoneMaker {
 
 /** The direction of `way` (in the parent's frame) in the frame of a joint that is turned by `rpy`. */
 function turnedBack([x, y, z]: Vector, rpy: Vector): Vector {
-  const m = transform([0, 0, 0], quaternionFromRpy(rpy));
+  const m = transform([0, 0, 0], quatOfRpy(rpy));
   const row = (i: number) => m[i * 4]! * x + m[i * 4 + 1]! * y + m[i * 4 + 2]! * z;
   return [row(0), row(1), row(2)];
 }
 
 /** A rotation that maps z to a unit vector. */
 function alongZ([x, y, z]: Vector): Bone['quat'] {
-  return quaternionFromRpy([0, Math.atan2(Math.hypot(x, y), z), Math.atan2(y, x)]);
+  return quatOfRpy([0, Math.atan2(Math.hypot(x, y), z), Math.atan2(y, x)]);
 }
 
 /** A unit vector perpendicular to a unit vector. */
@@ -130,11 +131,14 @@ function across([x, y, z]: Vector): Vector {
   return (Math.abs(z) < 0.9 ? unit([y, -x, 0]) : unit([-z, 0, x]))!;
 }
 
+/** The axis of a joint that has none, in URDF. */
+export const DEFAULT_AXIS: Vector = [1, 0, 0];
+
 /** The direction of a vector; null if it has no length. */
-function unit(vector: Vector): Vector | null {
+export function unit(vector: Vector): Vector | null {
   const longest = Math.max(...vector.map(Math.abs));
   if (!(longest > 1e-9)) return null;
-  const [x, y, z] = vector.map((part) => part / longest) as [number, number, number];
+  const [x, y, z] = vector.map((part) => part / longest) as [number, number, number]; // the square of a large number overflows
   const length = Math.hypot(x, y, z);
   return [x / length, y / length, z / length];
 }

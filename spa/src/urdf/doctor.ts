@@ -1,6 +1,7 @@
-import type { MeshFacts } from '../model/mesh_facts.ts';
+import { VARIABLES } from '../model/kinematics.ts';
+import type { MeshFacts } from '../model/report.ts';
 import { meshFindings } from './doctor_meshes.ts';
-import { type Finding, general, quoted, worstFirst } from './finding.ts';
+import { type Finding, general, quoted, type Say, worstFirst } from './finding.ts';
 import { massFindings } from './masses.ts';
 import { buildTree } from './tree.ts';
 import {
@@ -24,8 +25,6 @@ const FAR_M = 10;
 /** Tolerance for the length of an axis, which should be 1. */
 const UNIT = 1e-3;
 
-type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
-
 /** All findings about a URDF, worst first. `missing`: URIs (meshes, textures) without a file; `meshes`: facts of the
  *  other meshes by URI, null before they are read. */
 export function diagnose(
@@ -45,18 +44,12 @@ export function diagnose(
   return worstFirst(found);
 }
 
-const VARIABLES: Readonly<Record<string, readonly string[]>> = {
-  planar: ['x', 'y', 'theta'],
-  floating: ['trans_x', 'trans_y', 'trans_z', 'rot_x', 'rot_y', 'rot_z', 'rot_w'],
-};
-
 function examineJoint(joint: Joint, say: Say): void {
   const { type, line, axis } = joint;
   const what = `joint ${quoted(joint.name)}`;
   origin(what, joint.xyz, joint.rpy, line, say);
-  const variables = VARIABLES[type];
-  if (variables !== undefined) {
-    const channels = variables.map((variable) => quoted(`${joint.name}/${variable}`)).join(', ');
+  if (type === 'planar' || type === 'floating') {
+    const channels = VARIABLES[type].map(([variable]) => quoted(`${joint.name}/${variable}`)).join(', ');
     say('hint', 'joint-free', `${what} is ${type}: its channels are ${channels}`, line);
   }
   if (!SCALAR_TYPES.has(type) && joint.mimic !== null)

@@ -1,6 +1,8 @@
-import { multiply, quaternionFromRpy, transform } from '../model/kinematics.ts';
-import { type MeshFacts, missingMesh } from '../model/mesh_facts.ts';
-import { type Finding, general, isPrintable, quoted } from './finding.ts';
+import { emptyBox, expandByBox, type LinkBox } from '../model/bounds.ts';
+import { multiply, transform } from '../model/kinematics.ts';
+import { type MeshFacts, missingMesh } from '../model/report.ts';
+import { quatOfRpy } from '../model/vectors.ts';
+import { type Finding, general, isPrintable, quoted, type Say } from './finding.ts';
 import type { Tree } from './tree.ts';
 import { materialOf, type Shape, type Urdf, type Vector } from './types.ts';
 
@@ -14,8 +16,6 @@ const HEAVY_BYTES = 20_000_000;
 
 type Named = readonly [link: string, shape: Shape];
 export type Facts = ReadonlyMap<string, MeshFacts>;
-type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
-type Box = readonly [low: Vector, high: Vector];
 
 /** The findings. `missing`: URIs (meshes, textures) without a file; `read`: facts about the meshes, null before they are read. */
 export function meshFindings(
@@ -116,7 +116,7 @@ function pictures(urdf: Urdf, missing: ReadonlySet<string>, say: Say): void {
 function size(link: string, shape: Shape, facts: Facts, say: Say): void {
   const box = boxOf(shape, facts);
   if (box === null) return;
-  const longest = Math.max(...box[1].map((high, i) => high - box[0][i]!));
+  const longest = longestSide(box);
   const what = `link ${quoted(link)}: its ${shape.kind}`;
   if (longest > LARGE_M) {
     const advice = shape.kind === 'mesh' ? ': millimetres? scale="0.001 0.001 0.001"' : '';
@@ -134,33 +134,26 @@ export function zeroPoses({ root, joints }: Tree): ReadonlyMap<string, readonly 
   return poses;
 }
 
-/** The lowest and highest corner of everything shown with all joints at 0, in the root's axes, m; the lowest is above the highest
- *  if nothing is shown. */
-export function robotBox(tree: Tree, facts: Facts): { low: number[]; high: number[] } {
-  const low = [Infinity, Infinity, Infinity];
-  const high = [-Infinity, -Infinity, -Infinity];
+/** The box around everything shown with all joints at 0, in the root's axes, m; empty if nothing is shown. */
+export function robotBox(tree: Tree, facts: Facts): LinkBox {
+  const whole = emptyBox();
   for (const [name, pose] of zeroPoses(tree)) {
     for (const visual of tree.links.get(name)?.visuals ?? []) {
       const box = visual.shape === null ? null : boxOf(visual.shape, facts);
-      if (box === null) continue;
-      const at = product(pose, poseOf(visual));
-      for (let corner = 0; corner < 8; corner += 1) {
-        const [x, y, z] = [0, 1, 2].map((i) => box[(corner >> i) & 1]![i]!) as [number, number, number];
-        for (let i = 0; i < 3; i += 1) {
-          const value = at[i]! * x + at[i + 4]! * y + at[i + 8]! * z + at[i + 12]!;
-          low[i] = Math.min(low[i]!, value);
-          high[i] = Math.max(high[i]!, value);
-        }
-      }
+      if (box !== null) expandByBox(whole.min, whole.max, box, product(pose, poseOf(visual)), 0);
     }
   }
-  return { low, high };
+  return whole;
+}
+
+/** The length of a box's longest side, m; -∞ for an empty one. */
+export function longestSide({ min, max }: LinkBox): number {
+  return Math.max(...max.map((high, i) => high - min[i]!));
 }
 
 /** Reports an unlikely size of the robot with all joints at 0. */
 function whole(tree: Tree, facts: Facts, say: Say): void {
-  const { low, high } = robotBox(tree, facts);
-  const largest = Math.max(...high.map((value, i) => value - low[i]!));
+  const largest = longestSide(robotBox(tree, facts));
   if (largest > LARGE_M) {
     const text = `the robot measures ${general(largest, 3)} m: are its meshes or origins in millimetres?`;
     say('warning', 'robot-large', text, null);
@@ -175,24 +168,23 @@ function whole(tree: Tree, facts: Facts, say: Say): void {
 }
 
 /** The bounding box of a shape in the visual's axes, m; null for a missing mesh. */
-export function boxOf({ kind, uri, scale: by, dims }: Shape, facts: Facts): Box | null {
+export function boxOf({ kind, uri, scale: by, dims }: Shape, facts: Facts): LinkBox | null {
   if (kind === 'mesh') {
     const fact = facts.get(uri);
     if (fact === undefined || fact.reason !== null) return null;
     const ends = by.map((factor, i) => [fact.low[i]! * factor, fact.high[i]! * factor]);
-    const edge = (pick: (...ends: number[]) => number) =>
-      ends.map((both) => pick(...both)) as [number, number, number];
-    return [edge(Math.min), edge(Math.max)];
+    const edge = (pick: (...ends: number[]) => number) => ends.map((both) => pick(...both)) as LinkBox['min'];
+    return { min: edge(Math.min), max: edge(Math.max) };
   }
   const [first = 0, second = 0, third = 0] = dims;
   const upright = { box: third / 2, sphere: first, cylinder: second / 2, capsule: second / 2 + first }[kind];
-  const half = kind === 'box' ? [first / 2, second / 2, upright] : [first, first, upright];
-  return [half.map((value) => -value), half] as unknown as Box;
+  const [x, y] = kind === 'box' ? [first / 2, second / 2] : [first, first];
+  return { min: [-x, -y, -upright], max: [x, y, upright] };
 }
 
 /** parent_from_this, column-major. */
-function poseOf({ xyz, rpy }: { readonly xyz: Vector; readonly rpy: Vector }): number[] {
-  return transform(xyz, quaternionFromRpy(rpy));
+export function poseOf({ xyz, rpy }: { readonly xyz: Vector; readonly rpy: Vector }): number[] {
+  return transform(xyz, quatOfRpy(rpy));
 }
 
 function product(a: readonly number[], b: readonly number[]): number[] {

@@ -9,6 +9,9 @@ export interface Finding {
   readonly line: number | null;
 }
 
+/** Reports a finding. */
+export type Say = (severity: Finding['severity'], code: string, text: string, line: number | null) => void;
+
 /** The consequence of implausible or unknown masses. */
 export const NO_BALANCE = 'no balance is shown';
 const DISTRUST = 'mass-';

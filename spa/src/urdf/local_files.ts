@@ -45,3 +45,55 @@ export function tidyPath(path: string): string | null {
   }
   return parts.join('/');
 }
+
+type OtherFormat = OtherRobot['format'];
+
+const ROOTS: Readonly<Record<string, OtherFormat>> = { mujoco: 'MJCF', sdf: 'SDF', gazebo: 'SDF' };
+const MAX_LOOKED_AT = 50;
+const MAX_BYTES = 8 << 20;
+/** What may precede the root element: how it begins, how it ends. */
+const BEFORE_ROOT = [
+  ['<?', '?>'],
+  ['<!--', '-->'],
+] as const;
+
+/** The first of `paths` that is a robot in another format: by its name, or for `.xml` by its root element. */
+export async function findOther(files: LocalFiles, paths: readonly string[]): Promise<OtherRobot | null> {
+  let left = MAX_LOOKED_AT;
+  for (const path of paths) {
+    if (/\.xacro$/i.test(path)) return { path, format: 'xacro' };
+    if (/\.sdf$/i.test(path)) return { path, format: 'SDF' };
+    if (!/\.(xml|mjcf|world)$/i.test(path) || left-- <= 0) continue;
+    const format = await readFormat(files.get(path)!);
+    if (format !== null) return { path, format };
+  }
+  return null;
+}
+
+async function readFormat(file: LocalFile): Promise<OtherFormat | null> {
+  if (file.size > MAX_BYTES) return null;
+  return otherFormatOf(new TextDecoder().decode(await file.bytes()));
+}
+
+/** The format of an XML text by its root element; null if it is none of them, such as URDF. */
+export function otherFormatOf(text: string): OtherFormat | null {
+  const space = /\s*/y;
+  for (let at = 0; ; ) {
+    space.lastIndex = at;
+    space.test(text);
+    at = space.lastIndex;
+    const remark = BEFORE_ROOT.find(([begin]) => text.startsWith(begin, at));
+    if (remark === undefined) {
+      const root = /^<([\w:.-]{1,40})/.exec(text.slice(at, at + 50))?.[1] ?? '';
+      return Object.hasOwn(ROOTS, root) ? ROOTS[root]! : null;
+    }
+    const end = text.indexOf(remark[1], at + remark[0].length);
+    if (end < 0) return null;
+    at = end + remark[1].length;
+  }
+}
+
+/** The path as typed in a shell; a placeholder word if it would need quoting. */
+export function typedPath(path: string): string {
+  return /^(?!-)[\p{L}\p{N}_./+-]+$/u.test(path) ? path : 'FILE';
+}

@@ -1,9 +1,16 @@
 import type { BundleFile, RawFiles, RawManifest } from '../model/bundle.ts';
-import type { MeshFacts } from '../model/mesh_facts.ts';
+import { VARIABLES } from '../model/kinematics.ts';
+import type { MeshFacts } from '../model/report.ts';
 import { diagnose } from './doctor.ts';
 import type { Finding } from './finding.ts';
-import { DropError, type LocalFiles, type OtherRobot, tidyPath } from './local_files.ts';
-import { findOther, otherFormatOf } from './other_formats.ts';
+import {
+  DropError,
+  findOther,
+  type LocalFiles,
+  type OtherRobot,
+  otherFormatOf,
+  tidyPath,
+} from './local_files.ts';
 import { readUrdf } from './reader.ts';
 import { materialOf, SCALAR_TYPES, type Urdf } from './types.ts';
 import { readXml, XmlRefused } from './xml.ts';
@@ -111,32 +118,16 @@ function urisOf(urdf: Urdf): Set<string> {
   return uris;
 }
 
-/** Variables of joints with several values that get a slider; a rotation in space gets none. */
-const SLIDERS: Readonly<Record<string, readonly (readonly [variable: string, unit: 'rad' | 'm'])[]>> = {
-  planar: [
-    ['x', 'm'],
-    ['y', 'm'],
-    ['theta', 'rad'],
-  ],
-  floating: [
-    ['trans_x', 'm'],
-    ['trans_y', 'm'],
-    ['trans_z', 'm'],
-  ],
-};
 const REACH = { rad: Math.PI, m: 1 } as const;
 
-/** A slider for every joint except mimic joints. Invalid limits count as none. */
+/** A slider for every joint except mimic joints; for a rotation in space none. Invalid limits count as none. */
 function slidersOf({ joints }: Urdf): SliderJoint[] {
   return joints.flatMap(({ name, type, limit, mimic }): SliderJoint[] => {
-    const several = SLIDERS[type];
-    if (several !== undefined)
-      return several.map(([variable, unit]) => ({
-        name: `${name}/${variable}`,
-        unit,
-        lower: -REACH[unit],
-        upper: REACH[unit],
-      }));
+    if (type === 'planar' || type === 'floating')
+      return VARIABLES[type].slice(0, 3).map(([variable]) => {
+        const unit = variable === 'theta' ? 'rad' : 'm';
+        return { name: `${name}/${variable}`, unit, lower: -REACH[unit], upper: REACH[unit] };
+      });
     if (mimic !== null || !SCALAR_TYPES.has(type)) return [];
     const [lower, upper] = [limit?.lower ?? 0, limit?.upper ?? 0];
     const sound = type !== 'continuous' && lower < upper;

@@ -1,6 +1,7 @@
-import { type Joint as ModelJoint, quaternionFromRpy } from '../model/kinematics.ts';
+import type { Joint as ModelJoint } from '../model/kinematics.ts';
 import type { Manifest } from '../model/manifest.ts';
-import { type Bone, bonesOf } from './bones.ts';
+import { quatOfRpy } from '../model/vectors.ts';
+import { type Bone, bonesOf, DEFAULT_AXIS, unit } from './bones.ts';
 import { massesOf } from './masses.ts';
 import { buildTree, type Tree } from './tree.ts';
 import {
@@ -108,7 +109,7 @@ function placed(visual: Visual, shape: Shape, urdf: Urdf): PlacedShape {
     shape,
     bones: null,
     xyz: visual.xyz,
-    quat: quaternionFromRpy(visual.rpy),
+    quat: quatOfRpy(visual.rpy),
     paint: rgba === null ? null : paintOf(rgba),
   };
 }
@@ -128,13 +129,13 @@ function jointsOf({ joints, follows }: Tree, linkOf: ReadonlyMap<string, number>
   return joints.map((joint) => {
     const { name, type, xyz, rpy } = joint;
     const follow = follows.get(name);
-    const axis = unit(joint.axis);
+    const axis = (joint.axis && unit(joint.axis)) ?? DEFAULT_AXIS;
     return {
       name,
       type,
       parent: linkOf.get(joint.parent)!,
       xyz,
-      quat: quaternionFromRpy(rpy),
+      quat: quatOfRpy(rpy),
       axis,
       plane: type === 'planar' ? planeAcross(axis) : null,
       limits: limitsOf(joint),
@@ -144,15 +145,6 @@ function jointsOf({ joints, follows }: Tree, linkOf: ReadonlyMap<string, number>
           : { joint: indexOf.get(follow.leader)!, multiplier: follow.multiplier, offset: follow.offset },
     };
   });
-}
-
-/** The axis scaled to length 1; x if there is none, which is the URDF default. */
-function unit(axis: Vector | null): Vector {
-  const longest = axis === null ? 0 : Math.max(...axis.map(Math.abs));
-  if (axis === null || longest < 1e-9) return [1, 0, 0];
-  const [x, y, z] = axis.map((part) => part / longest) as [number, number, number]; // the square of a large number overflows
-  const length = Math.hypot(x, y, z);
-  return [x / length, y / length, z / length];
 }
 
 /** Directions x and y of the plane across a unit axis: those of the frame, after the shortest rotation that maps z to the axis

@@ -1,5 +1,7 @@
-import { quaternionFromRpy, transform } from '../model/kinematics.ts';
-import { boxOf, type Facts, robotBox, zeroPoses } from './doctor_meshes.ts';
+import { emptyBox, expandByBox } from '../model/bounds.ts';
+import { transform } from '../model/kinematics.ts';
+import { pointThrough, quatOfRpy } from '../model/vectors.ts';
+import { boxOf, type Facts, longestSide, poseOf, robotBox, zeroPoses } from './doctor_meshes.ts';
 import { distrustsMasses, type Finding, general, NO_BALANCE, quoted } from './finding.ts';
 import type { Tree } from './tree.ts';
 import type { Inertial, Link } from './types.ts';
@@ -83,19 +85,15 @@ function centreFindings(tree: Tree, links: readonly Link[], facts: Facts): Findi
   const shapes = links.flatMap(({ visuals }) => visuals.map(({ shape }) => shape));
   if (shapes.length === 0 || shapes.some((shape) => shape === null || boxOf(shape, facts) === null))
     return [];
-  const { low, high } = robotBox(tree, facts);
-  const size = Math.max(...high.map((value, i) => value - low[i]!));
+  const whole = robotBox(tree, facts);
+  const size = longestSide(whole);
   const poses = zeroPoses(tree);
   return links.flatMap(({ name, inertial }): Finding[] => {
     if (inertial === null || inertial.mass <= 0 || Math.max(...inertial.xyz.map(Math.abs)) > REACH_M)
       return [];
-    const at = poses.get(name)!;
-    const [x, y, z] = inertial.xyz;
+    const centre = pointThrough(poses.get(name)!, inertial.xyz);
     const outside = Math.hypot(
-      ...low.map((least, i) => {
-        const value = at[i]! * x + at[i + 4]! * y + at[i + 8]! * z + at[i + 12]!;
-        return Math.max(least - value, value - high[i]!, 0);
-      }),
+      ...centre.map((value, i) => Math.max(whole.min[i]! - value, value - whole.max[i]!, 0)),
     );
     if (outside <= size) return [];
     const text = `link ${quoted(name)}: its centre of mass is ${general(outside, 3)} m outside the robot, which measures ${general(size, 3)} m`;
@@ -173,24 +171,13 @@ function impossible({ mass, moments }: Inertial, share: number): Problem | null 
 
 /** The volume of the box around a link's visuals, m³, along its axes; null if it has none, or if some are missing. */
 function boxVolume({ visuals }: Link, facts: Facts): number | null {
-  const [low, high] = [
-    [Infinity, Infinity, Infinity],
-    [-Infinity, -Infinity, -Infinity],
-  ];
-  for (const { shape, xyz, rpy } of visuals) {
-    const box = shape === null ? null : boxOf(shape, facts);
+  const { min, max } = emptyBox();
+  for (const visual of visuals) {
+    const box = visual.shape === null ? null : boxOf(visual.shape, facts);
     if (box === null) return null;
-    const at = transform(xyz, quaternionFromRpy(rpy));
-    for (let corner = 0; corner < 8; corner += 1) {
-      const [x, y, z] = [0, 1, 2].map((i) => box[(corner >> i) & 1]![i]!) as [number, number, number];
-      for (let i = 0; i < 3; i += 1) {
-        const value = at[i]! * x + at[i + 4]! * y + at[i + 8]! * z + at[i + 12]!;
-        low![i] = Math.min(low![i]!, value);
-        high![i] = Math.max(high![i]!, value);
-      }
-    }
+    expandByBox(min, max, box, poseOf(visual), 0);
   }
-  return visuals.length === 0 ? null : high!.reduce((volume, value, i) => volume * (value - low![i]!), 1);
+  return visuals.length === 0 ? null : max.reduce((volume, value, i) => volume * (value - min[i]!), 1);
 }
 
 /** The eigenvalues of a symmetric matrix, given as xx, xy, xz, yy, yz, zz, ascending (O. K. Smith, "Eigenvalues of a
@@ -228,7 +215,7 @@ function turned({ moments, rpy }: Inertial): number[] {
     [xy, yy, yz],
     [xz, yz, zz],
   ] as const;
-  const turn = transform([0, 0, 0], quaternionFromRpy(rpy)); // column-major
+  const turn = transform([0, 0, 0], quatOfRpy(rpy)); // column-major
   const at = (i: number, j: number): number => {
     let sum = 0;
     for (const [k, row] of own.entries())

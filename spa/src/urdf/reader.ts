@@ -2,7 +2,7 @@ import { distrustMasses, type Finding, isPrintable, quoted } from './finding.ts'
 import {
   type Inertial,
   type Joint,
-  type JointKind,
+  type JointType,
   type Limit,
   type Link,
   type Material,
@@ -143,7 +143,7 @@ class UrdfReader implements Urdf {
     const limit = element.first('limit');
     const mimic = element.first('mimic');
     this.joints.push({
-      ...{ name, type: type as JointKind, parent, child, ...origin },
+      ...{ name, type: type as JointType, parent, child, ...origin },
       axis: axis === null ? null : this.#vector(axis, 'xyz', [1, 0, 0], what),
       limit: limit === null ? null : this.#limit(limit, what),
       mimic: mimic === null ? null : this.#mimic(mimic, what),

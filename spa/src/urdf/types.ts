@@ -1,8 +1,9 @@
+import type { JointType, Triple as Vector } from '../model/kinematics.ts';
 import type { Finding } from './finding.ts';
 
 /** The parsed contents of a URDF: metres, radians, rpy about fixed axes. */
 
-export type Vector = readonly [number, number, number];
+export type { JointType, Triple as Vector } from '../model/kinematics.ts';
 
 export interface Shape {
   readonly kind: 'mesh' | 'box' | 'cylinder' | 'sphere' | 'capsule';
@@ -62,11 +63,9 @@ export interface Mimic {
   readonly line: number | null;
 }
 
-export type JointKind = 'revolute' | 'continuous' | 'prismatic' | 'fixed' | 'floating' | 'planar';
-
 export interface Joint {
   readonly name: string;
-  readonly type: JointKind;
+  readonly type: JointType;
   readonly parent: string;
   readonly child: string;
   readonly xyz: Vector;

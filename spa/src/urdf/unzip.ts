@@ -1,4 +1,5 @@
 import { Unzip, UnzipInflate } from 'fflate';
+import { joined } from '../kit.ts';
 import {
   DropError,
   type LocalFile,
@@ -89,14 +90,4 @@ export async function unzip(file: Blob): Promise<LocalFiles> {
   if (refusal !== null) throw refusal;
   if (members === 0) throw new DropError('This is not a zip file.', { why: 'dropNoZip' });
   return found;
-}
-
-function joined(pieces: readonly Uint8Array[], size: number): Uint8Array {
-  const all = new Uint8Array(size);
-  let at = 0;
-  for (const piece of pieces) {
-    all.set(piece, at);
-    at += piece.length;
-  }
-  return all;
 }

@@ -2,7 +2,7 @@ import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { announcement } from '../../src/app/robot/announcement.ts';
 import type { Fault } from '../../src/twin/alarms/fault_log.ts';
-import { ValueLimits } from '../../src/twin/limits/limits.ts';
+import { ValueLimits } from '../../src/twin/limits.ts';
 import { OverlayReader } from '../../src/twin/overlay/reader.ts';
 import { quatOfRpy } from '../../src/twin/rotation.ts';
 import { codesWith, SCHEMA_TEXT } from '../rigs/schema.ts';

@@ -9,7 +9,7 @@ import { BalanceOverlay } from '../../src/scene/signs/balance/balance_overlay.ts
 import { Facets } from '../../src/scene/signs/balance/shapes.ts';
 import type { ShownBalance } from '../../src/scene/signs/balance_drawing.ts';
 import { OVERLAY_COLORS } from '../../src/scene/signs/colors.ts';
-import { withEdit } from '../../src/twin/limits/limits.ts';
+import { withEdit } from '../../src/twin/limits.ts';
 import { Player } from '../../src/twin/playback/player.ts';
 import { type RobotState, RobotTwin } from '../../src/twin/robot.ts';
 import { type BalanceCase, readBalanceCases } from '../rigs/balance_vectors.ts';

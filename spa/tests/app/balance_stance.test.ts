@@ -8,9 +8,14 @@ import { BalanceReader } from '../../src/model/balance/balance_reader.ts';
 import { readManifest } from '../../src/model/manifest.ts';
 import type { Balance, Vec2 } from '../../src/twin/balance/balance.ts';
 import { couldStand, lacksOf, toldOfMasses } from '../../src/twin/balance/lacks.ts';
-import { MARGIN, marginLimits } from '../../src/twin/balance/margin_limits.ts';
-import { fallDirection, type Stance, StanceJudge } from '../../src/twin/balance/stance.ts';
-import { ValueLimits, withEdit } from '../../src/twin/limits/limits.ts';
+import {
+  fallDirection,
+  MARGIN,
+  marginLimits,
+  type Stance,
+  StanceJudge,
+} from '../../src/twin/balance/stance.ts';
+import { ValueLimits, withEdit } from '../../src/twin/limits.ts';
 import { quatOfRpy, type Vec3 } from '../../src/twin/rotation.ts';
 import { codesWith, SCHEMA, SCHEMA_TEXT } from '../rigs/schema.ts';
 

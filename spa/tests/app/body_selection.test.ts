@@ -2,8 +2,7 @@
 import { afterEach, describe, expect, it } from 'vitest';
 import { bindSelection, channelOf } from '../../src/app/robot/camera_controls.ts';
 import { selection, selectJoint } from '../../src/app/state/viewing.ts';
-import { JointChannels } from '../../src/twin/joint_channels.ts';
-import { KinematicTree } from '../../src/twin/kinematic_tree.ts';
+import { JointChannels, KinematicTree } from '../../src/twin/kinematic_tree.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { SCHEMA } from '../rigs/schema.ts';
 

@@ -2,7 +2,7 @@ import type { EventMessage } from '@posecast/wire';
 import { expect, it } from 'vitest';
 import { withHeard } from '../../src/app/past/time_line/movement.ts';
 import type { PastSource } from '../../src/past/past_source.ts';
-import { listEvents } from '../../src/past/player/tape/recent_events.ts';
+import { listEvents } from '../../src/past/player/tape/happenings.ts';
 import { timelineOf } from '../rigs/past_fake.ts';
 
 const TO_MS = Date.UTC(2026, 10, 22, 14, 10);

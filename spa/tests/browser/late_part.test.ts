@@ -3,7 +3,7 @@ import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { fetchPartsAhead, LatePart, setAway } from '../../src/browser/late_part.ts';
 import { retryNow } from '../../src/browser/retry.ts';
 
-vi.mock('../../src/browser/first_paint.ts', () => ({ firstPaint: () => Promise.resolve() }));
+vi.mock('../../src/browser/painting.ts', () => ({ firstPaint: () => Promise.resolve() }));
 
 /** Whether the network is up; the requests sent. */
 let up = true;

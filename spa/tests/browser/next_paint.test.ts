@@ -1,5 +1,5 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { afterNextPaint } from '../../src/browser/first_paint.ts';
+import { afterNextPaint } from '../../src/browser/painting.ts';
 
 let done = false;
 let repaint: (() => void)[] = [];

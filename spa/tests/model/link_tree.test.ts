@@ -1,6 +1,5 @@
 import { expect, it } from 'vitest';
-import { jointOfLinks } from '../../src/model/link_tree.ts';
-import type { BodyJoint } from '../../src/model/posed_body.ts';
+import { type BodyJoint, jointOfLinks } from '../../src/model/posed_body.ts';
 
 it('what hangs rigidly on a link moves with the joint before it; the root with none', () => {
   const joint = (link: string) => ({ link }) as BodyJoint;

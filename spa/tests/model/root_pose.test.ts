@@ -1,5 +1,5 @@
 import { expect, it } from 'vitest';
-import { RootPose } from '../../src/model/root_pose.ts';
+import { RootPose } from '../../src/model/articulated_body.ts';
 import type { Pose } from '../../src/twin/playback/pose.ts';
 import { IDENTITY, type Quat, quatOfRpy, rpyOf, withoutHeading } from '../../src/twin/rotation.ts';
 import type { Imu } from '../../src/twin/sensors/imus.ts';

@@ -3,7 +3,7 @@
 import { describe, expect, it, vi } from 'vitest';
 import { recordedAs } from '../../src/app/pages/recording/recording_words.ts';
 import { PastError, type SegmentRef } from '../../src/past/past_source.ts';
-import { Coming } from '../../src/past/player/coming.ts';
+import { Coming } from '../../src/past/player/around.ts';
 import type { RecordingFiles } from '../../src/past/recording/recording_files.ts';
 import { type RecordingIndex, readIndex } from '../../src/past/recording/recording_index.ts';
 import { RecordingPast } from '../../src/past/recording/recording_past.ts';
@@ -121,7 +121,7 @@ describe('many short segments', () => {
   });
 
   it('may all be of one moment', async () => {
-    const { rig, counts } = lost(200_000, 0);
+    const { rig, counts } = lost(20_000, 0);
     rig.player.openAt(FROM_MS);
     await rig.pass(50);
     rig.player.step(1);

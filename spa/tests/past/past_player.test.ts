@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { PastError } from '../../src/past/past_source.ts';
-import { Coming } from '../../src/past/player/coming.ts';
+import { Coming } from '../../src/past/player/around.ts';
 import { FakeSource, Rig } from '../rigs/past_player_rig.ts';
 import { FROM_MS, fault, range, recorded, SCHEMA_SHA, schemaOf, sent } from '../rigs/past_recordings.ts';
 
@@ -14,8 +14,7 @@ describe('PastPlayer', () => {
       { atMs: at(8.05), event: fault(3, at(8.05), 'jam', 'off') },
     ];
     const rig = new Rig(new FakeSource(recorded(sent(200), { happened })));
-    rig.player.seek(at(7.58));
-    await rig.settle();
+    await rig.seek(at(7.58));
     const told = ['schema 2', 'model ab', 'info lab', 'hot on', 'jam on', 'online', '75'];
     expect(rig.sink.since).toEqual(told);
     expect(rig.player.playhead).toMatchObject({ at: 'past', momentMs: at(7.58), playing: true, note: null });
@@ -85,8 +84,7 @@ describe('PastPlayer', () => {
 
   it('fills the minute before, thinned, and only for the newest jump', async () => {
     const rig = new Rig(new FakeSource(recorded(sent(4000, { everyMs: 30 }))));
-    rig.player.seek(at(30));
-    await rig.settle();
+    await rig.seek(at(30));
     rig.player.toggle();
     rig.player.seek(at(100));
     await rig.pass(3000);
@@ -136,8 +134,7 @@ describe('PastPlayer', () => {
       fault(1, at(-300), 'before'),
       ...happened.map((each) => each.event),
     ];
-    rig.player.seek(at(7.58));
-    await rig.settle();
+    await rig.seek(at(7.58));
     const told = ['schema 2', 'model ab', 'info lab', 'before on', 'jam on', 'jam off', 'online'];
     expect(rig.sink.since).toEqual([...told, '75']);
     await rig.pass(2000);
@@ -154,8 +151,7 @@ describe('PastPlayer', () => {
     await rig.pass(4000);
     expect(rig.sink.seqs).toEqual(range(80, 121));
     expect(rig.sink.newest!.codes).toHaveLength(3);
-    rig.player.seek(at(5));
-    await rig.settle();
+    await rig.seek(at(5));
     expect(rig.sink.newest!.codes).toHaveLength(2);
     const told = rig.sink.since.filter((each) => each.startsWith('schema'));
     expect(told.at(-1)).toBe('schema 2');
@@ -163,8 +159,7 @@ describe('PastPlayer', () => {
 
   it('steps frame by frame, also across segments', async () => {
     const rig = new Rig(new FakeSource(recorded(sent(300))));
-    rig.player.seek(at(4.05));
-    await rig.settle();
+    await rig.seek(at(4.05));
     for (const [by, seq] of [
       [1, 41],
       [-1, 40],
@@ -208,8 +203,7 @@ describe('PastPlayer', () => {
     rig.player.toggle();
     const visited: number[] = [];
     for (const by of [1, 1, 1, 1, -1, -1, -1] as const) {
-      rig.player.visitFault(by);
-      await rig.settle();
+      await rig.visitFault(by);
       visited.push((rig.player.playhead.momentMs - FROM_MS) / 1000);
     }
     expect(visited).toEqual([18, 43, 78, 78, 43, 18, 18]);
@@ -223,22 +217,18 @@ describe('PastPlayer', () => {
     rig.player.seek(at(90));
     rig.player.visitFault(-1);
     await rig.pass(2500);
-    rig.player.visitFault(-1);
-    await rig.settle();
+    await rig.visitFault(-1);
     expect(rig.player.playhead.momentMs).toBe(at(38));
     await rig.pass(2500);
-    rig.player.visitFault(1);
-    await rig.settle();
+    await rig.visitFault(1);
     expect(rig.player.playhead.momentMs, 'past the second of the event').toBe(at(78));
     await rig.pass(3500);
-    rig.player.visitFault(-1);
-    await rig.settle();
+    await rig.visitFault(-1);
     expect(rig.player.playhead.momentMs, 'a while later it is seen again').toBe(at(78));
     await rig.pass(500);
     rig.player.skip(-1000);
     await rig.pass(100);
-    rig.player.visitFault(-1);
-    await rig.settle();
+    await rig.visitFault(-1);
     expect(rig.player.playhead.momentMs, 'from elsewhere').toBe(at(38));
   });
 
@@ -262,8 +252,7 @@ describe('PastPlayer', () => {
     expect(rig.sink.since).toContain('online');
     expect(rig.sink.seqs).toEqual(range(95, rig.sink.newest!.seq + 1));
     expect(rig.sink.newest!.seq).toBeGreaterThan(100);
-    rig.player.seek(at(200));
-    await rig.settle();
+    await rig.seek(at(200));
     expect(rig.sink.since.slice(-2)).toEqual(['offline', '99']);
     expect(rig.player.playhead.momentMs).toBe(at(200));
   });
@@ -297,8 +286,7 @@ describe('PastPlayer', () => {
     expect(rig.player.playhead.note).toBe('damaged');
     await rig.pass(3000);
     expect(rig.sink.seqs).toEqual([...range(30, 40), ...range(60, rig.sink.newest!.seq + 1)]);
-    rig.player.seek(at(5));
-    await rig.settle();
+    await rig.seek(at(5));
     expect(rig.sink.seqs).toEqual([39]);
     expect(rig.player.playhead.note).toBe('damaged');
   });
@@ -314,8 +302,7 @@ describe('PastPlayer', () => {
     expect(rig.sink.jumps).toHaveLength(2);
     expect(rig.sink.seqs).toEqual(range(300, rig.sink.newest!.seq + 1));
     rig.source.dropBefore(at(50));
-    rig.player.seek(at(20));
-    await rig.settle();
+    await rig.seek(at(20));
     expect(rig.player.playhead.momentMs).toBe(at(50));
   });
 
@@ -325,19 +312,16 @@ describe('PastPlayer', () => {
       { atMs: at(5.45), event: fault(2, at(5.45), 'jam', 'off') },
     ];
     const rig = new Rig(new FakeSource(recorded(sent(900), { happened })));
-    rig.player.seek(at(50));
-    await rig.settle();
+    await rig.seek(at(50));
     expect(rig.sink.since).toContain('jam on');
-    rig.player.seek(at(20));
-    await rig.settle();
+    await rig.seek(at(20));
     expect(rig.sink.seqs).toEqual([200]);
     rig.source.delete({ fromMs: at(4), toMs: at(40) });
     await rig.settle();
     expect(rig.player.playhead).toMatchObject({ at: 'past', playing: false, note: 'not-kept' });
     const shownMs = rig.sink.newest!.atMs;
     expect(shownMs < at(4) || shownMs >= at(40), `${(shownMs - at(0)) / 1000} s`).toBe(true);
-    rig.player.seek(at(60));
-    await rig.settle();
+    await rig.seek(at(60));
     expect(rig.sink.seqs).toEqual([600]);
     expect(rig.sink.since).not.toContain('jam on');
     rig.source.delete({ fromMs: at(70), toMs: at(71) });
@@ -347,8 +331,7 @@ describe('PastPlayer', () => {
 
   it('leaves the past when all of it was deleted', async () => {
     const rig = new Rig(new FakeSource(recorded(sent(300))));
-    rig.player.seek(at(6));
-    await rig.settle();
+    await rig.seek(at(6));
     rig.source.delete({ fromMs: 0, toMs: at(60) });
     expect(rig.player.playhead.at).toBe('live');
   });

@@ -8,7 +8,7 @@ import {
   inChosenFolder,
   type RecordingFiles,
 } from '../../src/past/recording/recording_files.ts';
-import { early } from '../../src/relay/recording_address.ts';
+import { early } from '../../src/relay/relay.ts';
 import { PageClock } from '../rigs/past_rig.ts';
 
 const MOST = 100_000;

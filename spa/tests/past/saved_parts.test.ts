@@ -3,7 +3,7 @@ import { unzipSync } from 'fflate';
 import { describe, expect, it } from 'vitest';
 import { CsvTable, cellOf, decimalsOf } from '../../src/past/save/csv_file.ts';
 import { fileName, measureSpan, saveSpan } from '../../src/past/save/save.ts';
-import { BlobParts, type SaveFormat } from '../../src/past/save/save_ports.ts';
+import { BlobParts, type SaveFormat } from '../../src/past/save/saved_span.ts';
 import { FROM_MS, fault, recorded, SCHEMA, type Sending, sent } from '../rigs/past_recordings.ts';
 import { bytesOf, nameOf, SavedStage, sha256Of } from '../rigs/saved_stage.ts';
 

@@ -1,12 +1,6 @@
 import { describe, expect, it, vi } from 'vitest';
-import {
-  firstPlace,
-  newestAt,
-  readerOf,
-  TAPE_BYTES_MAX,
-  Tape,
-  TapePart,
-} from '../../src/past/player/tape/tape.ts';
+import { firstPlace } from '../../src/kit.ts';
+import { newestAt, readerOf, TAPE_BYTES_MAX, Tape, TapePart } from '../../src/past/player/tape/tape.ts';
 import { FakeSource } from '../rigs/past_player_rig.ts';
 import { FROM_MS, fault, RUN, recorded, SCHEMA, type Sent, schemaOf, sent } from '../rigs/past_recordings.ts';
 

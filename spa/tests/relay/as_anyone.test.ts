@@ -1,7 +1,7 @@
 import { afterEach, expect, it, vi } from 'vitest';
 import { seenByAnyone } from '../../src/app/share/ShareSheet.tsx';
-import { takeToken } from '../../src/relay/link_token.ts';
 import { tokenFor } from '../../src/relay/token.ts';
+import { takeToken } from '../../src/relay/visitor.ts';
 
 const TOKEN = 'L1.hubo.1900000000.abcdefgh.signature';
 const STATE = 'http://relay/api/v1/robots/hubo/live';

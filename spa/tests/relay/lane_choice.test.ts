@@ -12,14 +12,12 @@ async function opened(search: string, config: object) {
   });
   vi.stubGlobal('location', { search });
   vi.stubGlobal('fetch', async () => ({ ok: true, json: async () => config }));
-  const [lane, token, addresses, settled] = await Promise.all([
-    import('../../src/relay/lane.ts'),
+  const [token, addresses] = await Promise.all([
     import('../../src/relay/token.ts'),
     import('../../src/relay/addresses.ts'),
-    import('../../src/relay/settled.ts'),
   ]);
-  await settled.accessSettled();
-  return { ...lane, ...token, ...addresses };
+  await addresses.accessSettled();
+  return { ...token, ...addresses };
 }
 
 beforeEach(() => {

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { takeToken } from '../../src/relay/link_token.ts';
 import { onAccountToken, setAccountToken, setLinkToken, tokenFor } from '../../src/relay/token.ts';
+import { takeToken } from '../../src/relay/visitor.ts';
 import { Session } from '../../src/stream/session.ts';
 
 const TOKEN = 'L1.hubo.1900000000.abcdefgh.signature';

@@ -36,7 +36,6 @@ export interface LaneStory {
   }[];
   /** The other relay does not know earlier faults. */
   readonly otherForgets?: boolean;
-  readonly lateMs?: (atMs: number) => number;
   /** Its answers contain their time, to the second. */
   readonly tellsDate?: boolean;
   /** A cache reports the end of the past as it was up to this long ago. */
@@ -55,7 +54,6 @@ export interface TrueFrame {
   readonly seq: number;
   readonly tS: number;
   readonly atMs: number;
-  readonly lateMs: number;
   readonly bytes: Uint8Array;
   readonly isKey: boolean;
 }
@@ -100,62 +98,39 @@ export class LaneRelay {
 
   /** The answer to a request that arrives at `atMs`, and its time; null: it is held until then and then dropped. */
   answer(path: string, atMs: number): { readonly atMs: number; readonly answer: LaneAnswer } {
-    const found = this.#answer(path, atMs);
-    const dateMs = this.#story.tellsDate ? 1000 * Math.floor((UNIX_MS + found.atMs) / 1000) : null;
-    return { ...found, answer: { ...found.answer, dateMs } };
-  }
-
-  #answer(path: string, atMs: number): { readonly atMs: number; readonly answer: LaneAnswer } {
-    const json = (value: unknown, at = atMs) => ({
-      atMs: at,
-      answer: {
-        status: 200,
-        isJson: true,
-        retryMs: null,
-        dateMs: null,
-        bytes: textBytes(JSON.stringify(value)),
-      },
-    });
-    const none = (status: number, at = atMs) => ({
-      atMs: at,
-      answer: { status, isJson: false, retryMs: 1000, dateMs: null, bytes: new Uint8Array() },
-    });
+    const { tellsDate, endKeptMs = 1, replacedMs } = this.#story;
+    const say = (status: number, bytes: Uint8Array = new Uint8Array(), at = atMs, isJson = false) => {
+      const dateMs = tellsDate ? 1000 * Math.floor((UNIX_MS + at) / 1000) : null;
+      const retryMs = status === 200 ? null : 1000;
+      return { atMs: at, answer: { status, isJson, retryMs, dateMs, bytes } };
+    };
+    const json = (value: unknown, at = atMs) => say(200, textBytes(JSON.stringify(value)), at, true);
     const relay = this.#relayAt(atMs);
     if (!path.startsWith('/')) {
-      const keptMs = this.#story.endKeptMs ?? 1;
-      const newest = this.#keptAt(keptMs * Math.floor(atMs / keptMs)).at(-1);
+      const newest = this.#keptAt(endKeptMs * Math.floor(atMs / endKeptMs)).at(-1);
       const named = newest === undefined ? null : { take: newest.take, index: newest.index };
       return json({ view: 'public', past_ms: 1_800_000, delay_ms: 0, newest: named });
     }
-    if (path.startsWith('/public/schema/')) {
-      return {
-        atMs,
-        answer: { status: 200, isJson: true, retryMs: null, dateMs: null, bytes: textBytes(SCHEMA_TEXT) },
-      };
-    }
+    if (path.startsWith('/public/schema/')) return say(200, textBytes(SCHEMA_TEXT), atMs, true);
     const [, , take = '', index = ''] = path.split('/');
     if (/^\d{4}-/.test(take)) return json(this.#indexAt(Date.parse(take), atMs));
     const isHere = (at: number) =>
       this.#keptAt(at).find((part) => part.take === take && part.index === Number(index));
     const ofTake = this.parts.filter((part) => part.take === take && part.relay === relay);
-    if (!ofTake.some((part) => part.closedMs <= atMs)) return none(404);
+    if (!ofTake.some((part) => part.closedMs <= atMs)) return say(404);
     const closesMs = this.parts
       .map((part) => part.closedMs)
       .filter((ms) => ms > atMs && ms <= atMs + HOLD_MS);
     for (const ms of [atMs, ...closesMs]) {
-      if (this.#relayAt(ms) !== relay) return none(503, this.#story.replacedMs);
+      if (this.#relayAt(ms) !== relay) return say(503, undefined, replacedMs);
       const part = isHere(ms);
-      if (part !== undefined)
-        return {
-          atMs: ms,
-          answer: { status: 200, isJson: false, retryMs: null, dateMs: null, bytes: part.bytes },
-        };
+      if (part !== undefined) return say(200, part.bytes, ms);
       const lastMs = Math.max(...ofTake.map((each) => (each.closedMs <= ms ? each.closedMs : 0)));
       const after = this.#keptAt(ms).find((each) => each.take !== take && each.closedMs > lastMs);
       if (after !== undefined && !ofTake.some((each) => each.index >= Number(index)))
         return json({ next: { take: after.take, index: after.index } }, ms);
     }
-    return none(204, atMs + HOLD_MS);
+    return say(204, undefined, atMs + HOLD_MS);
   }
 
   /** The index of ten minutes. */
@@ -191,7 +166,6 @@ export class LaneRelay {
       restartsMs = [],
       faults = [],
       eventEveryMs,
-      lateMs,
     } = this.#story;
     let encoder = new Encoder(SCHEMA, keyMs / 1000);
     let [run, seq, n, keyOf] = [1, 1, 0, keyMs];
@@ -201,24 +175,19 @@ export class LaneRelay {
       if (to !== word) this.words.push({ atMs, word: to });
       word = to;
     };
+    const happen = (n: number, atMs: number, source: string, state: string) => {
+      const event = { type: 'event', n, t: atMs / 1000, at: (UNIX_MS + atMs) / 1000, level: 'fault' };
+      this.events.push({ atMs, n, text: JSON.stringify({ ...event, source, text: 'jam', state }) });
+    };
     for (let count = 0; count * FRAME_MS < lastsMs; count++) {
       const atMs = count * FRAME_MS;
       for (; (faults[n]?.atMs ?? Number.POSITIVE_INFINITY) <= atMs; ) {
         const { source, state } = faults[n]!;
-        n++;
-        const at = (UNIX_MS + atMs) / 1000;
-        const event = { type: 'event', n, t: atMs / 1000, at, level: 'fault', source, text: 'jam', state };
-        this.events.push({ atMs, n, text: JSON.stringify(event) });
+        happen(++n, atMs, source, state);
       }
       if (eventEveryMs !== undefined && Math.floor(atMs / eventEveryMs) >= n + 1) {
         n++;
-        const at = (UNIX_MS + atMs) / 1000;
-        const event = { type: 'event', n, t: atMs / 1000, at, level: 'fault', source: 'RKN' };
-        this.events.push({
-          atMs,
-          n,
-          text: JSON.stringify({ ...event, text: 'jam', state: n % 2 ? 'on' : 'off' }),
-        });
+        happen(n, atMs, 'RKN', n % 2 ? 'on' : 'off');
       }
       const restarts = restartsMs.filter((ms) => ms <= atMs).length + 1;
       if (
@@ -239,7 +208,6 @@ export class LaneRelay {
       const tS = seq / 30;
       const isKey = encoder.key;
       const bytes = encoder.encode(codes, seq, tS, atMs / 1000);
-      const late = lateMs?.(atMs) ?? 0;
       const name = `${run}:${seq}`;
       const runId = `${run}`.padStart(16, '0');
       this.frames.push({
@@ -249,11 +217,10 @@ export class LaneRelay {
         seq,
         tS,
         atMs,
-        lateMs: late,
         bytes,
         isKey: encoder.key !== isKey,
       });
-      newestMs = atMs - late;
+      newestMs = atMs;
       say(atMs, 'online');
       seq++;
     }
@@ -347,7 +314,7 @@ export class LaneRelay {
         records.push({
           kind: 'frame',
           atUs,
-          lateUs: Math.round(frame.lateMs * 1000),
+          lateUs: 0,
           seq: frame.seq,
           frame: frame.bytes,
         });

@@ -1,10 +1,11 @@
+import { expect } from 'vitest';
 import { Lane, type LaneAction } from '../../src/stream/lane/lane.ts';
-import type { KnownBefore } from '../../src/stream/lane_port.ts';
+import { type KnownBefore, ToldFaults } from '../../src/stream/lane_port.ts';
 import type { FromStream } from '../../src/stream/messages.ts';
-import { ToldFaults } from '../../src/stream/told_faults.ts';
 import { judge, type Verdict } from '../../src/twin/liveness.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
-import { LANE_SCHEMA, type LaneRelay, type Span } from './lane_relay.ts';
+import { LANE_SCHEMA, LaneRelay, type LaneStory, type Span, type TrueFrame } from './lane_relay.ts';
+import { seeded } from './playout_sim.ts';
 
 export interface LaneNetwork {
   /** Transit time of a request or an answer. */
@@ -47,6 +48,7 @@ export class LaneViewer {
   #lane: Lane;
   readonly #random: () => number;
   readonly #relay: LaneRelay;
+  readonly #frames: ReadonlyMap<number, TrueFrame>;
   readonly #network: LaneNetwork;
   readonly #skewMs = 86_400_000 * 3 - 12_345;
   #answer: { readonly atMs: number; readonly tell: () => LaneAction[] } | null = null;
@@ -60,6 +62,7 @@ export class LaneViewer {
     before: KnownBefore = { frame: null, event: null, faults: [] },
   ) {
     this.#relay = relay;
+    this.#frames = new Map(relay.frames.map((frame) => [frame.count, frame]));
     this.#network = network;
     this.nowMs = joinsMs;
     this.#random = random;
@@ -120,6 +123,16 @@ export class LaneViewer {
   /** The delay that it reported. */
   behindAt(atMs: number): number {
     return this.behinds.findLast((told) => told.atMs <= atMs)?.ms ?? Number.NaN;
+  }
+
+  shownAfter(atMs: number): Shown[] {
+    return this.shown.filter((each) => each.atMs > atMs);
+  }
+
+  /** The delay that this part of the frames had at most, of those shown after a moment. */
+  delay(part: number, afterMs = 0): number {
+    const delays = this.shownAfter(afterMs).map(({ atMs, acceptedMs }) => atMs - acceptedMs);
+    return quantile(delays, part);
   }
 
   setVisible(isVisible: boolean): void {
@@ -193,7 +206,7 @@ export class LaneViewer {
     const { twin } = this;
     if (message.kind === 'state') {
       const count = message.state.codes[COUNT]!;
-      const frame = this.#relay.frames.find((each) => each.count === count);
+      const frame = this.#frames.get(count);
       if (frame?.seq !== message.state.seq) throw new Error(`no such frame at ${this.nowMs}`);
       this.shown.push({ name: frame.name, atMs: this.nowMs, acceptedMs: frame.atMs });
       twin.acceptState(message.state);
@@ -215,4 +228,42 @@ export class LaneViewer {
 export function quantile(values: readonly number[], part: number): number {
   const sorted = [...values].sort((a, b) => a - b);
   return sorted[Math.min(sorted.length - 1, Math.floor(part * sorted.length))] ?? Number.NaN;
+}
+
+/** How often a robot of the lane's tests sends a KEY. */
+export const KEY_MS = 4000;
+
+const relays = new Map<string, LaneRelay>();
+
+/** A robot of a minute and a half, and a page that joins. Robots of one story are one: to tell it takes longest. */
+export function watch(
+  story: Partial<LaneStory>,
+  joinsMs: number,
+  network: Partial<LaneNetwork> = {},
+  seed = 1,
+) {
+  const random = seeded(seed);
+  const whole = { lastsMs: 90_000, keyMs: KEY_MS, ...story };
+  const name = JSON.stringify(whole);
+  const relay = relays.get(name) ?? new LaneRelay(whole);
+  relays.set(name, relay);
+  const viewer = new LaneViewer(relay, { wayMs: () => 50 + 150 * random(), ...network }, joinsMs, random);
+  return { relay, viewer };
+}
+
+/** No frame is shown twice, none older than one before, and no event is told twice. */
+export function expectOnce({ shown, events }: LaneViewer, told = ''): void {
+  expect(new Set(shown.map(({ name }) => name)).size, told).toBe(shown.length);
+  const accepted = shown.map(({ acceptedMs }) => acceptedMs);
+  expect(accepted, told).toEqual([...accepted].sort((a, b) => a - b));
+  const numbers = events.map(({ n }) => n);
+  expect(numbers, told).toEqual([...new Set(numbers)].sort((a, b) => a - b));
+}
+
+/** No more requests than this in any ten seconds. */
+export function expectFew({ requests }: LaneViewer, most = 14, told = ''): void {
+  for (const { atMs } of requests) {
+    const next = requests.filter((each) => each.atMs >= atMs && each.atMs < atMs + 10_000);
+    expect(next.length, told).toBeLessThanOrEqual(most);
+  }
 }

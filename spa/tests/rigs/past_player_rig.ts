@@ -247,6 +247,17 @@ export class Rig<Source extends PastSource = FakeSource> {
     }
   }
 
+  /** Goes to a moment, and shows it. */
+  async seek(momentMs: number): Promise<void> {
+    this.player.seek(momentMs);
+    await this.settle();
+  }
+
+  async visitFault(by: 1 | -1): Promise<void> {
+    this.player.visitFault(by);
+    await this.settle();
+  }
+
   /** Time passes, with a picture at each interval. */
   async pass(ms: number, everyMs = 50): Promise<void> {
     await this.settle();

@@ -5,7 +5,7 @@ import { bytesOf, SavedStage } from './saved_stage.ts';
 
 /** Saves, as the page does, all segments of a folder (`*.pcs`, with `schema.json`) in each format. Returns the paths of the files, which lie
  *  in the folder `into`. */
-export async function saveFiles(from: string, into: string): Promise<string[]> {
+export async function saveFiles({ from, into }: { from: string; into: string }): Promise<string[]> {
   const segments = readdirSync(from).filter((name) => name.endsWith('.pcs'));
   const schema = readFileSync(path.join(from, 'schema.json'), 'utf8');
   const stage = new SavedStage(

@@ -2,7 +2,7 @@ import { createHash } from 'node:crypto';
 import { decodeSegment, parseSchema, type Schema } from '@posecast/wire';
 import { readManifest } from '../../src/model/manifest.ts';
 import { PastError, type SegmentRef } from '../../src/past/past_source.ts';
-import type { ModelFile, SavePorts } from '../../src/past/save/save_ports.ts';
+import type { ModelFile, SavePorts } from '../../src/past/save/saved_span.ts';
 import { refOf } from './past_recordings.ts';
 
 export function sha256Of(data: string | Uint8Array): string {

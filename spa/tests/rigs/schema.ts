@@ -1,4 +1,4 @@
-import { Encoder, MISSING, parseSchema } from '@posecast/wire';
+import { Encoder, MISSING, parseSchema, type Schema } from '@posecast/wire';
 import type { RobotState } from '../../src/twin/robot.ts';
 
 /** A small robot with one of everything, for the tests of twin, stream and table. */
@@ -39,6 +39,27 @@ export const SCHEMA_TEXT = JSON.stringify({
 });
 
 export const SCHEMA = parseSchema(SCHEMA_TEXT);
+
+/** A schema with these labels and fields. `more`: its mapping, or another name than 'r'. */
+export function schemaWith(labels: object, fields: readonly object[], more: object = {}): Schema {
+  return parseSchema(JSON.stringify({ type: 'schema', v: 1, robot: 'r', labels, fields, ...more }));
+}
+
+/** The fields and labels of a base that is reported, millimetres and thousandths. */
+export const BASE_LABELS = {
+  base: ['base.x', 'base.y', 'base.z'],
+  baseq: ['base.w', 'base.x', 'base.y', 'base.z'],
+};
+export const BASE_FIELDS = [
+  { name: 'base', unit: 'm', scale: 0.001, labels: 'base' },
+  { name: 'baseq', scale: 0.001, labels: 'baseq' },
+];
+
+/** The state of a frame that arrived without delay. */
+export function stateAt(atMs: number, codes = codesWith(), more: Partial<RobotState> = {}): RobotState {
+  const times = { tS: 0, freshMs: 0, bornMs: 0, changedMs: 0, atMs };
+  return { schemaId: SCHEMA.id, seq: 1, codes, ...times, ...more };
+}
 
 /** Codes of a pose at rest, with changes: `{ 'pos.RKN': 520 }`. null is no reading. */
 export function codesWith(changed: Readonly<Record<string, number | null>> = {}): Int32Array {

@@ -1,6 +1,6 @@
 import type { Action, FromStream } from '../../src/stream/messages.ts';
 import { Session } from '../../src/stream/session.ts';
-import { SCHEMA_TEXT } from './schema.ts';
+import { Frames, SCHEMA_TEXT } from './schema.ts';
 
 type Kind = FromStream['kind'];
 
@@ -17,6 +17,8 @@ export class Rig {
   /** How long ago the relay wrote what arrives on events. */
   #lateMs = 0;
   readonly session: Session;
+  /** What the robot sends. */
+  readonly frames = new Frames();
   readonly done: Action[] = [];
 
   constructor(random = 0.5, visible = true, url = 'ws://relay/live') {
@@ -60,22 +62,18 @@ export class Rig {
     }
     this.#onEvents = true;
     this.do(this.session.opened(this.now));
-    this.say({
-      type: 'hello',
-      wire: 1,
-      server_time: 0,
-      robot: 'r',
-      view: 'public',
-      hz: 30,
-      limits: {},
-      model: null,
-    });
+    this.hello();
   }
 
-  /** A frame that the relay wrote this long ago, as what follows. */
-  lateFrame(bytes: Uint8Array, lateMs: number): void {
+  hello(more: object = {}): void {
+    const hello = { type: 'hello', wire: 1, server_time: 0, robot: 'r', view: 'public', hz: 30, model: null };
+    this.say({ ...hello, ...more });
+  }
+
+  /** The next frame, which the relay wrote this long ago, as what follows. */
+  lateNext(lateMs: number): void {
     this.#lateMs = lateMs;
-    this.frame(bytes);
+    this.next();
   }
 
   open(): void {
@@ -109,6 +107,10 @@ export class Rig {
   frame(bytes: Uint8Array): void {
     this.#stamp();
     this.do(this.session.binary(this.now, bytes));
+  }
+
+  next(...args: Parameters<Frames['next']>): void {
+    this.frame(this.frames.next(...args));
   }
 
   /** Advances the time, ticking like the worker. */

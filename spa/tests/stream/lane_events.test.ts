@@ -1,28 +1,19 @@
 import type { EventMessage } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import type { LaneAnswer } from '../../src/stream/lane/answers.ts';
-import { LookBack } from '../../src/stream/lane/look_back.ts';
-import { MissedEvents } from '../../src/stream/lane/missed_events.ts';
+import { LookBack, MissedEvents } from '../../src/stream/lane/missed_events.ts';
 import { Occurrences } from '../../src/twin/alarms/occurrences.ts';
-import { LaneRelay, type LaneStory, UNIX_MS } from '../rigs/lane_relay.ts';
-import { type LaneNetwork, LaneViewer } from '../rigs/lane_viewer.ts';
-import { seeded } from '../rigs/playout_sim.ts';
+import { type LaneRelay, UNIX_MS } from '../rigs/lane_relay.ts';
+import { expectOnce, LaneViewer, watch } from '../rigs/lane_viewer.ts';
 
 const PAGE_MS = 600_000;
-
-function watch(story: Partial<LaneStory>, joinsMs: number, network: Partial<LaneNetwork> = {}) {
-  const random = seeded(4);
-  const relay = new LaneRelay({ lastsMs: 90_000, keyMs: 4000, ...story });
-  const viewer = new LaneViewer(relay, { wayMs: () => 50 + 150 * random(), ...network }, joinsMs, random);
-  return { relay, viewer };
-}
 
 /** The page has received each event in order and once, up to the displayed moment. */
 function expectWhole(relay: LaneRelay, viewer: LaneViewer): void {
   const shownMs = viewer.nowMs - viewer.behindAt(viewer.nowMs);
   const all = relay.events.filter(({ atMs }) => atMs < shownMs - 500).map(({ n }) => n);
   const told = viewer.events.map(({ n }) => n);
-  expect(told).toEqual([...new Set(told)].sort((a, b) => a - b));
+  expectOnce(viewer);
   expect(told.slice(0, all.length)).toEqual(all);
   expect(viewer.twin.events.map(({ n }) => n)).toEqual(told.slice(-100));
 }
@@ -81,9 +72,7 @@ describe('who joins the lane', () => {
 
   it('is told what is newer in its turn, where the index does not come', () => {
     const faults = comesAndGoes(5000, 85_000);
-    const { relay, viewer } = watch({ faults }, 42_000, {
-      hasIndex: false,
-    });
+    const { relay, viewer } = watch({ faults }, 42_000, { hasIndex: false });
     viewer.run(80_000);
     const waits = viewer.looks.slice(1).map(({ atMs }, i) => atMs - viewer.looks[i]!.atMs);
     expect(waits.length, 'not given up at once').toBeGreaterThan(2);
@@ -92,7 +81,7 @@ describe('who joins the lane', () => {
     });
     expect(viewer.twin.hasAllEvents, 'so nobody says that there were no faults').toBe(false);
     const told = viewer.events.map(({ n }) => n);
-    expect(told).toEqual([...new Set(told)].sort((a, b) => a - b));
+    expectOnce(viewer);
     expect(told).toEqual(
       relay.events.filter(({ n }) => n >= told[0]! && n <= told.at(-1)!).map(({ n }) => n),
     );
@@ -209,8 +198,7 @@ describe('a page that missed parts', () => {
   it('goes on at a relay that counts anew, with what that has told', () => {
     const { viewer } = watch({ faults: comesAndGoes(4000, 85_000), replacedMs: 40_000 }, 22_000);
     viewer.run(88_000);
-    const told = viewer.events.map(({ n }) => n);
-    expect(told).toEqual([...new Set(told)].sort((a, b) => a - b));
+    expectOnce(viewer);
   });
 });
 

@@ -115,15 +115,14 @@ describe('acknowledging', () => {
     const rig = new Rig();
     rig.open();
     rig.schema();
-    const frames = new Frames();
     rig.pass(250);
     const [ping] = rig.sent().filter((m) => (m as { type: string }).type === 'ping') as { t: number }[];
     rig.pass(600);
     rig.pong(ping!.t);
-    rig.frame(frames.next());
+    rig.next();
     expect(acks(rig)).toEqual([{ type: 'ack', n: 1 }]);
     rig.pass(499);
-    rig.frame(frames.next());
+    rig.next();
     expect(acks(rig)).toEqual([]);
     rig.pass(1);
     expect(acks(rig)).toEqual([{ type: 'ack', n: 2 }]);
@@ -131,12 +130,11 @@ describe('acknowledging', () => {
 
   it('counts the binary messages of this connection, at most once a second, and owes nothing for longer', () => {
     const rig = opened();
-    const frames = new Frames();
-    rig.frame(frames.next());
+    rig.next();
     expect(acks(rig)).toEqual([{ type: 'ack', n: 1 }]);
     for (let i = 0; i < 29; i++) {
       rig.now += 33;
-      rig.frame(frames.next());
+      rig.next();
     }
     expect(acks(rig)).toEqual([]);
     rig.pass(250); // no further frame arrives
@@ -211,11 +209,10 @@ describe('frames', () => {
 
   it('whose base is not here change nothing, until a KEY mends it', () => {
     const rig = opened();
-    const frames = new Frames();
-    frames.next(); // the KEY that is lost in transit
-    rig.frame(frames.next());
+    rig.frames.next(); // the KEY that is lost in transit
+    rig.next();
     expect(states(rig)).toEqual([]);
-    rig.frame(frames.next({}, true));
+    rig.next({}, true);
     expect(states(rig).map((s) => s.seq)).toEqual([3]);
   });
 
@@ -224,12 +221,11 @@ describe('frames', () => {
     rig.open();
     rig.status({ robot: 'silent', age_ms: 60_000, seq: 2 });
     rig.schema();
-    const frames = new Frames();
-    rig.frame(frames.next()); // a KEY, for the next to build on
-    rig.frame(frames.next());
+    rig.next(); // a KEY, for the next to build on
+    rig.next();
     expect(states(rig)).toMatchObject([{ seq: 2, freshMs: null, bornMs: rig.now - 60_000 }]);
     rig.now += 100;
-    rig.frame(frames.next());
+    rig.next();
     expect(states(rig)).toMatchObject([{ seq: 3, freshMs: rig.now, bornMs: rig.now }]);
   });
 
@@ -254,31 +250,28 @@ describe('frames', () => {
 
   it('tell when the pose last changed', () => {
     const rig = opened();
-    const frames = new Frames();
     const startMs = rig.now;
-    rig.frame(frames.next());
+    rig.next();
     rig.now += 500;
-    rig.frame(frames.next({ 'cur.RKN': 5 }));
+    rig.next({ 'cur.RKN': 5 });
     expect(states(rig).map((s) => s.changedMs)).toEqual([startMs, startMs]);
     rig.now += 500;
-    rig.frame(frames.next({ 'pos.RKN': 1 }));
+    rig.next({ 'pos.RKN': 1 });
     expect(states(rig)[0]?.changedMs).toBe(rig.now);
   });
 
   it('after a pause in which nobody looked claim no stillness', () => {
     const rig = opened();
-    const frames = new Frames();
-    rig.frame(frames.next());
+    rig.next();
     rig.passWithStatus(10_000);
     rig.take();
-    rig.frame(frames.next());
+    rig.next();
     expect(states(rig)[0]?.changedMs).toBe(rig.now);
   });
 
   it('coded against a KEY and isolated ones are read alike', () => {
     const rig = opened();
-    const frames = new Frames();
-    for (let i = 0; i < 6; i++) rig.frame(frames.next({ 'pos.RKN': i }, i === 3));
+    for (let i = 0; i < 6; i++) rig.next({ 'pos.RKN': i }, i === 3);
     const pos = SCHEMA.field('pos');
     expect(states(rig).map((s) => s.codes[(pos?.start ?? 0) + 1])).toEqual([0, 1, 2, 3, 4, 5]);
   });
@@ -295,7 +288,7 @@ describe('what the relay says', () => {
   it('is passed on', () => {
     const rig = opened();
     const hash = 'a'.repeat(64);
-    rig.say({ type: 'hello', wire: 1, server_time: 1, robot: 'small', view: 'public', hz: 10, model: hash });
+    rig.hello({ hz: 10, model: hash });
     rig.say({ type: 'rate', hz: 5, reason: 'slow network' });
     rig.say({ type: 'info', kv: { mode: 'walking' } });
     rig.say({ type: 'event', n: 1, t: 2, at: 3, level: 'fault', source: 'RKN', text: 'jam', state: 'on' });
@@ -312,16 +305,7 @@ describe('what the relay says', () => {
 
   it('tells a delayed audience how far behind it is', () => {
     const rig = opened();
-    const hello = {
-      type: 'hello',
-      wire: 1,
-      server_time: 1,
-      robot: 'small',
-      view: 'public',
-      hz: 10,
-      model: null,
-    };
-    rig.say({ ...hello, limits: { delay_s: 300 } });
+    rig.hello({ limits: { delay_s: 300 } });
     expect(rig.posts('behind')).toEqual([{ kind: 'behind', ms: 300_000 }]);
   });
 
@@ -350,8 +334,7 @@ describe('what the relay says', () => {
     const status = (changed = {}) => rig.status({ clock_ms: RELAY_MS + rig.now - DOWN_MS, ...changed });
     status();
     rig.schema();
-    const frames = new Frames();
-    rig.frame(frames.next());
+    rig.next();
     const of = (found: Rig) => found.posts('state').at(-1)?.state;
     expect(of(rig)).toMatchObject({ transitMs: 4020, freshMs: rig.now - 4020, lateMs: 0 });
     rig.pass(250);
@@ -362,10 +345,10 @@ describe('what the relay says', () => {
     }
     rig.now += UP_MS;
     rig.say({ type: 'pong', t, clock_ms: RELAY_MS + t + UP_MS });
-    rig.frame(frames.next());
+    rig.next();
     expect(Math.round(of(rig)!.transitMs!)).toBe(4020);
     status({ clock_ms: RELAY_MS + rig.now - 100 });
-    rig.frame(frames.next());
+    rig.next();
     expect(Math.round(of(rig)!.transitMs!), 'the buffer has emptied').toBe(120);
     expect(rig.posts('pace')).toEqual([]);
     rig.pass(1000);
@@ -382,12 +365,11 @@ describe('what the relay says', () => {
       rig.pass(1000);
       rig.status({ clock_ms: undefined });
     }
-    const frames = new Frames();
-    rig.frame(frames.next());
+    rig.next();
     expect(rig.posts('state').at(-1)?.state.transitMs, 'the connection').toBe(4000);
     rig.say({ type: 'pong', t: t + 1000 });
     rig.pass(1000);
-    rig.frame(frames.next());
+    rig.next();
     expect(rig.posts('state').at(-1)?.state.transitMs).toBe(3000);
   });
 
@@ -397,10 +379,9 @@ describe('what the relay says', () => {
     const ping = rig.sent().find((m) => (m as { type: string }).type === 'ping') as { t: number };
     rig.now += 40;
     rig.pong(ping.t);
-    const frames = new Frames();
     for (let i = 0; i < 60; i++) {
       rig.now += 50;
-      rig.frame(frames.next());
+      rig.next();
       rig.do(rig.session.tick(rig.now));
     }
     const pace = rig.posts('pace').at(-1);
@@ -447,13 +428,12 @@ describe('where no WebSocket gets through', () => {
 
   it('nothing is said to the relay, and a WebSocket is tried beside it, more and more seldom', () => {
     const rig = onEvents();
-    const frames = new Frames();
     const tries: number[] = [];
     const began = rig.now;
     while (rig.now - began < 400_000) {
       rig.pass(1000);
       rig.status();
-      rig.frame(frames.next());
+      rig.next();
       const done = rig.take();
       expect(done.some((action) => action.do === 'send')).toBe(false);
       if (done.some((action) => action.do === 'try')) tries.push(Math.round((rig.now - began) / 1000));
@@ -486,11 +466,10 @@ describe('where no WebSocket gets through', () => {
 
   it('what has lain on its way tells of then', () => {
     const rig = onEvents();
-    const frames = new Frames();
-    rig.lateFrame(frames.next(), 40);
+    rig.lateNext(40);
     rig.status();
     rig.take();
-    rig.lateFrame(frames.next(), 1840);
+    rig.lateNext(1840);
     rig.status();
     const done = rig.take();
     const messages = done.flatMap((action) => (action.do === 'post' ? [action.message] : []));
@@ -507,12 +486,12 @@ describe('where no WebSocket gets through', () => {
   });
 
   /** Frames that arrive later and later, as through a filling buffer. */
-  function flood(rig: Rig, frames: Frames, seconds: number, lateMs: (second: number) => number): string[] {
+  function flood(rig: Rig, seconds: number, lateMs: (second: number) => number): string[] {
     const asked: string[] = [];
     for (let second = 0; second < seconds && asked.length === 0; second++) {
       rig.pass(1000);
       rig.status();
-      rig.lateFrame(frames.next(), lateMs(second));
+      rig.lateNext(lateMs(second));
       asked.push(...rig.asked());
     }
     return asked;
@@ -522,10 +501,10 @@ describe('where no WebSocket gets through', () => {
   const PING = 'http://relay/api/v1/ping';
 
   /** A stream of frames that are this late, while time passes. */
-  function flow(rig: Rig, frames: Frames, ms: number, lateMs: number): void {
+  function flow(rig: Rig, ms: number, lateMs: number): void {
     for (const untilMs = rig.now + ms; rig.now < untilMs; ) {
       rig.pass(250);
-      rig.lateFrame(frames.next(), lateMs);
+      rig.lateNext(lateMs);
     }
   }
   const transitMs = (rig: Rig) => Math.floor(rig.posts('state').at(-1)?.state.transitMs ?? Number.NaN);
@@ -535,23 +514,21 @@ describe('where no WebSocket gets through', () => {
     const rig = new Rig(0.5, true, 'ws://relay/api/v1/robots/r/live');
     rig.fallBack();
     rig.schema();
-    const frames = new Frames();
     rig.take();
-    flow(rig, frames, 2000, 0);
+    flow(rig, 2000, 0);
     expect(asks(rig), 'it is known well enough').toEqual([]);
-    flow(rig, frames, 1000, 1900);
+    flow(rig, 1000, 1900);
     expect(asks(rig)).toEqual([PING]);
-    flow(rig, frames, 60_000, 1900);
+    flow(rig, 60_000, 1900);
     expect(asks(rig), 'each 20 s').toHaveLength(3);
     rig.do(rig.session.visibility(rig.now, false));
-    flow(rig, frames, 60_000, 1900);
+    flow(rig, 60_000, 1900);
     expect(asks(rig), 'not for a page that is not seen').toEqual([]);
   });
 
   it('the answer tells how late the stream is at most, if it is one to this question', () => {
     const rig = onEvents();
-    const frames = new Frames();
-    flow(rig, frames, 500, 4000);
+    flow(rig, 500, 4000);
     expect(transitMs(rig), 'compared with its opening').toBe(4000 + OPENING_MS);
     const askedMs = rig.now;
     const relayMs = RELAY_MS + askedMs;
@@ -565,31 +542,30 @@ describe('where no WebSocket gets through', () => {
     ];
     for (const [what, text] of useless) {
       rig.do(rig.session.clock(rig.now, askedMs, text));
-      flow(rig, frames, 250, 4000);
+      flow(rig, 250, 4000);
       expect(transitMs(rig), what).toBe(4000 + OPENING_MS);
     }
     rig.do(rig.session.clock(rig.now, askedMs, pong(askedMs, relayMs + 20)));
-    flow(rig, frames, 250, 4000);
+    flow(rig, 250, 4000);
     expect(transitMs(rig), 'of 40 ms, half may be the way back').toBe(4020);
     rig.do(rig.session.clock(rig.now, askedMs - 9000, pong(askedMs - 9000, relayMs)));
-    flow(rig, frames, 250, 30);
+    flow(rig, 250, 30);
     expect(transitMs(rig), 'a slow answer tells less').toBe(50);
   });
 
   it('a slow answer may have had to open a connection: once more is asked at once', () => {
     const rig = onEvents();
-    const frames = new Frames();
     const answer = (upMs: number, downMs: number) => {
       const askedMs = rig.now;
       rig.now += upMs + downMs;
       rig.do(rig.session.clock(rig.now, askedMs, pong(askedMs, RELAY_MS + askedMs + upMs)));
       return asks(rig);
     };
-    flow(rig, frames, 500, 1300);
+    flow(rig, 500, 1300);
     expect(asks(rig)).toHaveLength(1);
     expect(answer(1200, 20)).toHaveLength(1);
     expect(answer(1200, 20), 'but only once').toEqual([]);
-    flow(rig, frames, 20_000, 1300);
+    flow(rig, 20_000, 1300);
     expect(asks(rig)).toHaveLength(1);
     expect(answer(20, 20), 'it was not slow').toEqual([]);
   });
@@ -608,25 +584,15 @@ describe('where no WebSocket gets through', () => {
 
   it('poses that are late twice are asked for more seldom; the person may ask for all of them', () => {
     const rig = onEvents();
-    const frames = new Frames();
-    rig.lateFrame(frames.next(), 0);
+    rig.lateNext(0);
     rig.take();
-    expect(flood(rig, frames, 20, () => 1900)).toEqual([]);
-    expect(flood(rig, frames, 20, (second) => (second % 2) * 2500)).toEqual([]); // never twice
-    expect(flood(rig, frames, 20, () => 2500)).toEqual(['http://relay/live.sse?hz=10']);
-    rig.say({
-      type: 'hello',
-      wire: 1,
-      server_time: 0,
-      robot: 'r',
-      view: 'public',
-      hz: 10,
-      limits: {},
-      model: null,
-    });
+    expect(flood(rig, 20, () => 1900)).toEqual([]);
+    expect(flood(rig, 20, (second) => (second % 2) * 2500)).toEqual([]); // never twice
+    expect(flood(rig, 20, () => 2500)).toEqual(['http://relay/live.sse?hz=10']);
+    rig.hello({ hz: 10 });
     expect(rig.posts('rate').at(-1)).toMatchObject({ hz: 10, reason: 'slow network' });
-    rig.lateFrame(frames.next(), 0);
-    expect(flood(rig, frames, 20, () => 2500)).toEqual(['http://relay/live.sse?hz=5']);
+    rig.lateNext(0);
+    expect(flood(rig, 20, () => 2500)).toEqual(['http://relay/live.sse?hz=5']);
     rig.pass(2000);
     rig.status();
     rig.take();

@@ -3,9 +3,8 @@ import { describe, expect, it } from 'vitest';
 import { planeOfSole } from '../../src/model/balance/standing_choice.ts';
 import type { Vec2 } from '../../src/twin/balance/balance.ts';
 import { captureTime } from '../../src/twin/balance/balancer.ts';
-import { convexHull } from '../../src/twin/balance/convex_hull.ts';
-import { limitMargin } from '../../src/twin/balance/limit_margin.ts';
-import { marginIn } from '../../src/twin/balance/margin.ts';
+import { convexHull, marginIn } from '../../src/twin/balance/polygon.ts';
+import { limitMargin } from '../../src/twin/limits.ts';
 
 /** Millimetres on a grid, so that there are duplicate points and straight edges, and no slivers. */
 const points = (least: number) =>
@@ -154,37 +153,30 @@ describe('a sole', () => {
     expect(sole?.centre).toEqual([0.1, 0.05, -0.1].map((part) => expect.closeTo(part, 12)));
   });
 
-  it('is none where the points span no area', () => {
-    expect(planeOfSole([], UP)).toBeNull();
-    expect(
-      planeOfSole(
-        [
-          [1, 1, 1],
-          [1, 1, 1],
-          [1, 1, 1],
-        ],
-        UP,
-      ),
-    ).toBeNull();
-    expect(
-      planeOfSole(
-        [
-          [0, 0, 0],
-          [1, 0, 0],
-          [2, 0, 0],
-        ],
-        UP,
-      ),
-    ).toBeNull();
-    expect(
-      planeOfSole(
-        [
-          [0, 0, 0],
-          [1, 0, Number.NaN],
-          [2, 1, 0],
-        ],
-        UP,
-      ),
-    ).toBeNull();
+  it.each([
+    [[]],
+    [
+      [
+        [1, 1, 1],
+        [1, 1, 1],
+        [1, 1, 1],
+      ],
+    ],
+    [
+      [
+        [0, 0, 0],
+        [1, 0, 0],
+        [2, 0, 0],
+      ],
+    ],
+    [
+      [
+        [0, 0, 0],
+        [1, 0, Number.NaN],
+        [2, 1, 0],
+      ],
+    ],
+  ] as const)('is none where the points span no area: %j', (points) => {
+    expect(planeOfSole(points, UP)).toBeNull();
   });
 });

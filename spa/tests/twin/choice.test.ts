@@ -1,26 +1,19 @@
-import { parseSchema, type Schema } from '@posecast/wire';
+import type { Schema } from '@posecast/wire';
 import { expect, it } from 'vitest';
 import { arrangeTraces, TRACES_A_PAGE } from '../../src/twin/plots/choice.ts';
 import { History } from '../../src/twin/plots/history.ts';
 import { traceReading } from '../../src/twin/plots/trace.ts';
+import { schemaWith } from '../rigs/schema.ts';
 
 const JOINTS = Array.from({ length: 12 }, (_, i) => `j${i}`);
-const SCHEMA = parseSchema(
-  JSON.stringify({
-    type: 'schema',
-    v: 1,
-    robot: 'Plain',
-    labels: { joint: JOINTS, power: ['main'], sonar: ['front', 'back'] },
-    fields: [
-      { name: 'ref', unit: 'rad', scale: 0.001, labels: 'joint' },
-      { name: 'pos', unit: 'rad', scale: 0.001, labels: 'joint' },
-      { name: 'cur', unit: 'A', scale: 0.01, labels: 'joint' },
-      { name: 'volt', unit: 'V', scale: 0.05, labels: 'power' },
-      { name: 'range', unit: 'm', scale: 0.01, labels: 'sonar' },
-      { name: 'flags', bits: ['jam'], labels: 'joint' },
-    ],
-  }),
-);
+const SCHEMA = schemaWith({ joint: JOINTS, power: ['main'], sonar: ['front', 'back'] }, [
+  { name: 'ref', unit: 'rad', scale: 0.001, labels: 'joint' },
+  { name: 'pos', unit: 'rad', scale: 0.001, labels: 'joint' },
+  { name: 'cur', unit: 'A', scale: 0.01, labels: 'joint' },
+  { name: 'volt', unit: 'V', scale: 0.05, labels: 'power' },
+  { name: 'range', unit: 'm', scale: 0.01, labels: 'sonar' },
+  { name: 'flags', bits: ['jam'], labels: 'joint' },
+]);
 
 /** Ten frames in which these channels move by this many steps. */
 function past(moving: Readonly<Record<string, number>>, schema: Schema = SCHEMA): History {
@@ -32,8 +25,7 @@ function past(moving: Readonly<Record<string, number>>, schema: Schema = SCHEMA)
       const field = schema.field(name)!;
       codes[field.start + field.labels.indexOf(label)] = n % 2 === 0 ? 0 : steps;
     }
-    const time = { tS: n, freshMs: 0, bornMs: 0, changedMs: 0, atMs: n * 100 };
-    history.push(schema, { schemaId: schema.id, seq: n, codes, ...time });
+    history.push(schema, { codes, atMs: n * 100 });
   }
   return history;
 }
@@ -72,11 +64,7 @@ it('reaches every number once, each of which can be plotted, and no bits', () =>
 
 it('has nothing before the first frame, and sensors of a robot without joints', () => {
   expect(arrangeTraces(new History(), 0)).toEqual([]);
-  const schema = parseSchema(
-    JSON.stringify({
-      ...{ type: 'schema', v: 1, robot: 'Buoy', labels: { sonar: ['a', 'b'] } },
-      fields: [{ name: 'range', unit: 'm', scale: 0.01, labels: 'sonar' }],
-    }),
-  );
+  const fields = [{ name: 'range', unit: 'm', scale: 0.01, labels: 'sonar' }];
+  const schema = schemaWith({ sonar: ['a', 'b'] }, fields);
   expect(named(past({ 'range.b': 10 }, schema))).toEqual(['range a', 'range b']);
 });

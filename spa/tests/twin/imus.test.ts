@@ -1,4 +1,4 @@
-import { parseSchema, type Schema } from '@posecast/wire';
+import type { Schema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import {
   IDENTITY,
@@ -12,13 +12,11 @@ import {
   withoutHeading,
 } from '../../src/twin/rotation.ts';
 import { ImuTable, leanOf, rootAttitude } from '../../src/twin/sensors/imus.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { codesWith, SCHEMA, schemaWith } from '../rigs/schema.ts';
 
 function schemaOf(labels: Record<string, string[]>, sensors: Record<string, unknown> = {}): Schema {
   const fields = Object.keys(labels).map((name) => ({ name, labels: name, scale: 0.0001 }));
-  return parseSchema(
-    JSON.stringify({ type: 'schema', v: 1, robot: 'r', labels, fields, mapping: { sensors } }),
-  );
+  return schemaWith(labels, fields, { mapping: { sensors } });
 }
 
 const near = (q: Quat | null, expected: Quat) => {
@@ -60,18 +58,10 @@ describe('rotations', () => {
     );
   });
 
-  it('are made of roll, pitch and yaw about fixed axes, by the textbook’s formula', () => {
+  it('are made of roll, pitch and yaw about fixed axes: a turn about x, then y, then z', () => {
     const [roll, pitch, yaw] = [-2, 0.9, -3];
-    const [cr, sr, cp, sp, cy, sy] = [roll, pitch, yaw].flatMap((a) => [
-      Math.cos(a / 2),
-      Math.sin(a / 2),
-    ]) as [...[number, number, number, number, number, number]];
-    near(quatOfRpy([roll, pitch, yaw]), [
-      cr * cp * cy + sr * sp * sy,
-      sr * cp * cy - cr * sp * sy,
-      cr * sp * cy + sr * cp * sy,
-      cr * cp * sy - sr * sp * cy,
-    ]);
+    const turns = [quatOfRpy([0, 0, yaw]), quatOfRpy([0, pitch, 0]), quatOfRpy([roll, 0, 0])];
+    near(quatOfRpy([roll, pitch, yaw]), turns.reduce(multiplyQuats));
   });
 
   it('without heading lean as before: up stays where it was in the body', () => {

@@ -1,5 +1,6 @@
 import { expect, it } from 'vitest';
-import { KinematicTree } from '../../src/twin/kinematic_tree.ts';
+import { JointChannels, KinematicTree } from '../../src/twin/kinematic_tree.ts';
+import { schemaWith } from '../rigs/schema.ts';
 
 const TREE = new KinematicTree([
   { link: 'base', parent: null, joint: null },
@@ -26,4 +27,40 @@ it('tells what a joint moves as one body, where it sits, and what comes before i
   expect(TREE.linkOf('knee')).toBe('shin');
   expect(TREE.linkOf('elbow')).toBeNull();
   expect([TREE.before('knee'), TREE.before('hip'), TREE.before('elbow')]).toEqual(['hip', null, null]);
+});
+
+const joints = {
+  nod: {
+    terms: [
+      ['NK1', 0.5],
+      ['NK2', 0.5],
+    ],
+  },
+  tilt: {
+    terms: [
+      ['NK1', -0.2],
+      ['NK2', 0.6],
+    ],
+  },
+  finger: { terms: [['NK2', 0]] },
+};
+const schema = schemaWith(
+  { joint: ['NK1', 'NK2', 'RKN', '__proto__'] },
+  [{ name: 'pos', unit: 'rad', scale: 0.001, labels: 'joint' }],
+  { mapping: { joints } },
+);
+
+it('finds the joints of a channel and the channel of a joint, couplings included', () => {
+  const channels = new JointChannels(schema);
+  expect(channels.jointsOf('NK1')).toEqual(['NK1', 'nod', 'tilt']);
+  expect(channels.jointsOf('RKN')).toEqual(['RKN']);
+  expect(channels.jointsOf('nobody')).toEqual([]);
+  expect(['nod', 'tilt', 'RKN', 'finger', 'elbow'].map((joint) => channels.channelOf(joint))).toEqual([
+    'NK1',
+    'NK2',
+    'RKN',
+    null,
+    null,
+  ]);
+  expect(channels.channelOf('__proto__')).toBe('__proto__');
 });

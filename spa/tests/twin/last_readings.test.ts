@@ -1,12 +1,11 @@
 import { MISSING, parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { LastReadings } from '../../src/twin/sensors/last_readings.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { unreadWords } from '../../src/app/robot/BodyNotes.tsx';
+import { LastReadings, LostReadings } from '../../src/twin/sensors/last_readings.ts';
+import { codesWith, SCHEMA, stateAt } from '../rigs/schema.ts';
 
-const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => ({
-  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, bornMs: 0, changedMs: 0 },
-  atMs,
-});
+const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) =>
+  stateAt(atMs, codesWith(changed));
 const force = SCHEMA.field('ftf')!;
 const codeOf = (readings: LastReadings) => readings.codes[force.start];
 
@@ -44,4 +43,19 @@ describe('the last readings', () => {
     expect([readings.anyLost, readings.lostMs(force, 0)]).toEqual([false, null]);
     expect(readings.codes[force.start]).toBe(MISSING);
   });
+});
+
+it('names the joints that have lost their reading, not those that never had one', () => {
+  const lost = new LostReadings(SCHEMA);
+  expect(lost.update(codesWith({ 'pos.NK1': null }))).toEqual([]);
+  expect(lost.update(codesWith({ 'pos.NK1': null, 'pos.RKN': null, 'ref.LKN': null }))).toEqual(['RKN']);
+  expect(lost.update(codesWith())).toEqual([]);
+  expect(lost.update(codesWith({ 'pos.NK1': null }))).toEqual(['NK1']);
+});
+
+it('says so in one short line', () => {
+  expect(unreadWords(['RKN'])).toBe('No reading of RKN: shown in its last known position.');
+  expect(unreadWords(['A', 'B', 'C', 'D', 'E', 'F'])).toBe(
+    'No reading of A, B, C, D and 2 more: shown in their last known positions.',
+  );
 });

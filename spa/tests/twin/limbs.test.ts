@@ -1,14 +1,13 @@
-import { parseSchema, type Schema } from '@posecast/wire';
+import type { Schema } from '@posecast/wire';
 import { expect, it } from 'vitest';
 import { moreEn } from '../../src/app/text/more_en.ts';
 import { KinematicTree, type TreeLink } from '../../src/twin/kinematic_tree.ts';
 import { limbsOf } from '../../src/twin/limbs.ts';
+import { schemaWith } from '../rigs/schema.ts';
 
 function schemaOf(joint: readonly string[], names: Readonly<Record<string, string>> = {}): Schema {
   const fields = [{ name: 'pos', unit: 'rad', scale: 0.001, labels: 'joint' }];
-  return parseSchema(
-    JSON.stringify({ type: 'schema', v: 1, robot: 'Limbs', labels: { joint }, fields, mapping: { names } }),
-  );
+  return schemaWith({ joint }, fields, { mapping: { names } });
 }
 
 /** `A>B` attaches B to A; each joint moves the link with its name. */

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { CROSSING_LIMIT, LimitLog } from '../../src/twin/alarms/limit_log.ts';
-import { type Threshold, ValueLimits, withEdit } from '../../src/twin/limits/limits.ts';
+import { type Threshold, ValueLimits, withEdit } from '../../src/twin/limits.ts';
 import { SensorTable } from '../../src/twin/sensors/sensors.ts';
 import { codesWith, SCHEMA } from '../rigs/schema.ts';
 

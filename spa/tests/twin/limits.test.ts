@@ -10,7 +10,7 @@ import {
   ValueLimits,
   whyNoThreshold,
   withEdit,
-} from '../../src/twin/limits/limits.ts';
+} from '../../src/twin/limits.ts';
 import { SCHEMA } from '../rigs/schema.ts';
 
 const FOOT: Threshold = { low: -30, high: 500, caution: 0.5 };

@@ -5,11 +5,12 @@ import { announcement } from '../../src/app/robot/announcement.ts';
 import { missingWords, unreadWords } from '../../src/app/robot/BodyNotes.tsx';
 import { problemWords } from '../../src/app/words/status.ts';
 import { displayOf, flagWords } from '../../src/twin/format.ts';
-import { isolated, plainName } from '../../src/twin/names.ts';
+import { isolated, plainName, wordsOfName } from '../../src/twin/names.ts';
 import { traceReading } from '../../src/twin/plots/trace.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { SensorTable } from '../../src/twin/sensors/sensors.ts';
 import { WrenchTable } from '../../src/twin/sensors/wrenches.ts';
+import { SCHEMA, SCHEMA_TEXT, schemaWith } from '../rigs/schema.ts';
 
 /** Reverses what follows; invisible; left to right again, over and over. */
 const ODD = 'RKN\u202e\u200b\u2069\u2069';
@@ -58,23 +59,16 @@ describe('a name from outside', () => {
 });
 
 describe('wherever one is shown', () => {
-  const schema = parseSchema(
-    JSON.stringify({
-      type: 'schema',
-      v: 1,
-      robot: ODD,
-      labels: { joint: [ODD, HEBREW], site: [`${ODD}.fx`, `${ODD}.fy`, `${ODD}.fz`], power: [HEBREW] },
-      fields: [
-        { name: 'pos', labels: 'joint', unit: HEBREW },
-        { name: 'flags', labels: 'joint', bits: [ODD, `\u202e spaced`] },
-        { name: 'ftf', labels: 'site' },
-        { name: 'volt', labels: 'power' },
-      ],
-      mapping: {
-        names: { [ODD]: HEBREW },
-        sensors: { [ODD]: { kind: 'wrench', name: HEBREW, link: 'hand' } },
-      },
-    }),
+  const sensors = { [ODD]: { kind: 'wrench', name: HEBREW, link: 'hand' } };
+  const schema = schemaWith(
+    { joint: [ODD, HEBREW], site: [`${ODD}.fx`, `${ODD}.fy`, `${ODD}.fz`], power: [HEBREW] },
+    [
+      { name: 'pos', labels: 'joint', unit: HEBREW },
+      { name: 'flags', labels: 'joint', bits: [ODD, `\u202e spaced`] },
+      { name: 'ftf', labels: 'site' },
+      { name: 'volt', labels: 'power' },
+    ],
+    { robot: ODD, mapping: { names: { [ODD]: HEBREW }, sensors } },
   );
   const twin = new RobotTwin('demo', 0);
 
@@ -119,4 +113,36 @@ describe('wherever one is shown', () => {
     expect(missingWords([`meshes/${HEBREW}.stl`], 1)).toBe(`1 of 1 meshes is missing: ${HEBREW_SHOWN}.`);
     expect(problemWords({ what: 'worker', detail: 'a\u202e' })).toContain('a\\u{202e}');
   });
+});
+
+it('is what the profile says, else the words that the name is made of', () => {
+  const names = [
+    'RKN',
+    'LKN',
+    'left_hip_pitch_joint',
+    'leftHipPitch',
+    'Left_Knee',
+    'panda_joint1',
+    'LF_HAA',
+    'j1',
+  ];
+  expect(names.map((label) => wordsOfName(SCHEMA, label, 'en'))).toEqual([
+    'right knee',
+    null,
+    'left hip pitch',
+    'left hip pitch',
+    'left knee',
+    'panda joint1',
+    null,
+    null,
+  ]);
+});
+
+it('is in the language of who reads it, if the profile has that', () => {
+  const doc = JSON.parse(SCHEMA_TEXT);
+  const mapping = { ...doc.mapping, translated_names: { ko: { RKN: '오른쪽 무릎' } } };
+  const schema = parseSchema(JSON.stringify({ ...doc, mapping }));
+  expect(wordsOfName(schema, 'RKN', 'ko')).toBe('오른쪽 무릎');
+  expect(wordsOfName(schema, 'RKN', 'en')).toBe('right knee');
+  expect(wordsOfName(schema, 'left_hip_joint', 'ko')).toBe('left hip');
 });

@@ -1,23 +1,9 @@
-import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { Player } from '../../src/twin/playback/player.ts';
-import type { RobotState } from '../../src/twin/robot.ts';
 import { ImuTable } from '../../src/twin/sensors/imus.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { BASE_FIELDS, BASE_LABELS, codesWith, SCHEMA, schemaWith, stateAt } from '../rigs/schema.ts';
 
-function state(seq: number, codes: Int32Array, schema = SCHEMA): RobotState {
-  const atMs = seq * 100 + 40;
-  return {
-    schemaId: schema.id,
-    seq,
-    tS: seq / 10,
-    codes,
-    freshMs: atMs,
-    bornMs: atMs,
-    changedMs: atMs,
-    atMs,
-  };
-}
+const state = (seq: number, codes: Int32Array) => stateAt(seq * 100 + 40, codes, { seq, tS: seq / 10 });
 
 /** A player that has received ten frames of LKN, with RKN increasing by 0.1 rad each time. */
 function moving(): Player {
@@ -146,28 +132,17 @@ describe('what is shown of a robot', () => {
 });
 
 describe('a base by odometry', () => {
-  const floating = parseSchema(
-    JSON.stringify({
-      type: 'schema',
-      v: 1,
-      robot: 'Floats',
-      labels: { base: ['base.x', 'base.y', 'base.z'], baseq: ['base.w', 'base.x', 'base.y', 'base.z'] },
-      fields: [
-        { name: 'base', unit: 'm', scale: 0.001, labels: 'base' },
-        { name: 'baseq', scale: 0.001, labels: 'baseq' },
-      ],
-    }),
-  );
+  const floating = schemaWith(BASE_LABELS, BASE_FIELDS);
   const at = (...codes: number[]) => Int32Array.from(codes);
 
   it('moves in a line and turns the shorter way; one that is no rotation is no report', () => {
     const player = new Player(floating);
     expect(player.pose('pos').base).toBeNull();
-    player.push(state(0, at(0, 0, 0, 1000, 0, 0, 0), floating));
-    player.push(state(1, at(100, 0, 0, -1000, 0, 0, 0), floating));
+    player.push(state(0, at(0, 0, 0, 1000, 0, 0, 0)));
+    player.push(state(1, at(100, 0, 0, -1000, 0, 0, 0)));
     player.sample(END);
     expect(player.pose('pos').unturned).toBe(false);
-    expect(player.push(state(2, at(500, 0, 0, 0, 0, 0, 0), floating))).toBe(true);
+    expect(player.push(state(2, at(500, 0, 0, 0, 0, 0, 0)))).toBe(true);
     expect(player.pose('pos').unturned, 'its last turn is shown, and known to be old').toBe(true);
     player.sample(2 * END);
     const { xyz, quat_wxyz } = player.pose('pos').base!;

@@ -12,12 +12,10 @@ import {
 import { HISTORY_S, History } from '../../src/twin/plots/history.ts';
 import { traceReading } from '../../src/twin/plots/trace.ts';
 import { csvOf, plotData, plotGroups, sheetOf } from '../../src/twin/plots/window.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { codesWith, SCHEMA, stateAt } from '../rigs/schema.ts';
 
-const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) => ({
-  ...{ schemaId: SCHEMA.id, seq: 1, tS: 0, codes: codesWith(changed), freshMs: 0, bornMs: 0, changedMs: 0 },
-  atMs,
-});
+const state = (atMs: number, changed: Parameters<typeof codesWith>[0] = {}) =>
+  stateAt(atMs, codesWith(changed));
 const read = (field: string, label: string, changed: Parameters<typeof codesWith>[0]) =>
   traceReading(SCHEMA, { field, label })?.read(codesWith(changed));
 

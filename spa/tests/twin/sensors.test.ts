@@ -1,7 +1,6 @@
-import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { SensorTable } from '../../src/twin/sensors/sensors.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { BASE_FIELDS, BASE_LABELS, codesWith, SCHEMA, schemaWith } from '../rigs/schema.ts';
 
 const readingsOf = (changed: Parameters<typeof codesWith>[0] = {}) => {
   const groups = new SensorTable(SCHEMA).read(codesWith(changed));
@@ -23,15 +22,9 @@ describe('sensors', () => {
 
   it('tell first where the base is, in metres and as angles', () => {
     const half = Math.round(Math.SQRT1_2 * 1000);
-    const schema = parseSchema(
-      JSON.stringify({
-        ...{ type: 'schema', v: 1, robot: 'Drone' },
-        labels: { base: ['base.x', 'base.y', 'base.z'], baseq: ['base.w', 'base.x', 'base.y', 'base.z'] },
-        fields: [
-          { name: 'base', scale: 0.001, labels: 'base' },
-          { name: 'baseq', scale: 0.001, labels: 'baseq' },
-        ],
-      }),
+    const schema = schemaWith(
+      BASE_LABELS,
+      BASE_FIELDS.map(({ unit: _, ...field }) => field),
     );
     const table = new SensorTable(schema, { base: 'Base', power: 'Power' });
     const [group] = table.read(Int32Array.from([1500, -20, 12_340, half, 0, 0, half]));

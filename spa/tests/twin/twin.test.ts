@@ -1,26 +1,25 @@
 import { parseSchema } from '@posecast/wire';
 import { describe, expect, it, vi } from 'vitest';
-import { NO_EDITS, withEdit } from '../../src/twin/limits/limits.ts';
+import { poseDiffers } from '../../src/stream/frame_reader.ts';
+import { NO_EDITS, withEdit } from '../../src/twin/limits.ts';
 import { judge } from '../../src/twin/liveness.ts';
 import { Poser } from '../../src/twin/playback/pose.ts';
-import { poseDiffers } from '../../src/twin/pose_change.ts';
 import { EVENT_LIMIT, type RobotState, RobotTwin } from '../../src/twin/robot.ts';
-import { codesWith, SCHEMA, SCHEMA_TEXT } from '../rigs/schema.ts';
+import {
+  BASE_FIELDS,
+  BASE_LABELS,
+  codesWith,
+  SCHEMA,
+  SCHEMA_TEXT,
+  schemaWith,
+  stateAt,
+} from '../rigs/schema.ts';
 
 const OTHER = parseSchema(SCHEMA_TEXT.replace('"Small"', '"Other"'));
 
 function state(changed: Partial<RobotState> = {}): RobotState {
-  return {
-    schemaId: SCHEMA.id,
-    seq: 7,
-    tS: 1.5,
-    codes: codesWith({ 'pos.RKN': 480, 'cur.RKN': null }),
-    freshMs: 900,
-    bornMs: 900,
-    changedMs: 800,
-    atMs: 1000,
-    ...changed,
-  };
+  const codes = codesWith({ 'pos.RKN': 480, 'cur.RKN': null });
+  return stateAt(1000, codes, { seq: 7, freshMs: 900, bornMs: 900, changedMs: 800, ...changed });
 }
 
 const event = (n: number, at = n) =>
@@ -202,19 +201,7 @@ describe('pose', () => {
   });
 
   it('has the base that a robot reports, whole or not at all', () => {
-    const floating = parseSchema(
-      JSON.stringify({
-        type: 'schema',
-        v: 1,
-        robot: 'Floating',
-        labels: { xyz: ['base.x', 'base.y', 'base.z'], quat: ['base.w', 'base.x', 'base.y', 'base.z'] },
-        fields: [
-          { name: 'base', unit: 'm', scale: 0.001, labels: 'xyz' },
-          { name: 'baseq', scale: 0.001, labels: 'quat' },
-        ],
-      }),
-    );
-    const poser = new Poser(floating, 'pos');
+    const poser = new Poser(schemaWith(BASE_LABELS, BASE_FIELDS), 'pos');
     const { base } = poser.pose(Int32Array.of(1000, -500, 900, 1000, 0, 0, 0));
     expect(base).toEqual({ xyz: [1, -0.5, 0.9], quat_wxyz: [1, 0, 0, 0] });
     expect(poser.pose(Int32Array.of(1000, -(2 ** 28), 900, 1000, 0, 0, 0)).base).toBeNull();

@@ -1,8 +1,7 @@
-import { parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { NO_EDITS, ValueLimits, withEdit } from '../../src/twin/limits/limits.ts';
+import { NO_EDITS, ValueLimits, withEdit } from '../../src/twin/limits.ts';
 import { WrenchTable } from '../../src/twin/sensors/wrenches.ts';
-import { codesWith, SCHEMA } from '../rigs/schema.ts';
+import { codesWith, SCHEMA, schemaWith } from '../rigs/schema.ts';
 
 const LIMITS = new ValueLimits(SCHEMA.mapping);
 const foot = (changed: Parameters<typeof codesWith>[0] = {}, limits = LIMITS) =>
@@ -48,15 +47,7 @@ describe('wrenches', () => {
   });
 
   it('of a robot without such sensors, or whose profile says not where they sit, are none', () => {
-    const schema = parseSchema(
-      JSON.stringify({
-        type: 'schema',
-        v: 1,
-        robot: 'r',
-        labels: { ftf: ['RF.fz'] },
-        fields: [{ name: 'ftf', labels: 'ftf' }],
-      }),
-    );
+    const schema = schemaWith({ ftf: ['RF.fz'] }, [{ name: 'ftf', labels: 'ftf' }]);
     expect(new WrenchTable(schema).wrenches).toEqual([]);
   });
 });

@@ -2,7 +2,7 @@
 import { expect, test } from 'vitest';
 import { modelOf, type UrdfModel } from '../../src/urdf/manifest.ts';
 import { LodBuilder } from '../../src/urdf/meshes/lod_builder.ts';
-import { ownMesh } from '../../src/urdf/meshes/own_mesh.ts';
+import { ownMesh } from '../../src/urdf/meshes/primitives.ts';
 import { readUrdf } from '../../src/urdf/reader.ts';
 import { readXml } from '../../src/urdf/xml.ts';
 

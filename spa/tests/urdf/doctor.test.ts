@@ -2,7 +2,7 @@
 import { readFileSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
-import type { MeshFacts } from '../../src/model/mesh_facts.ts';
+import type { MeshFacts } from '../../src/model/report.ts';
 import { diagnose } from '../../src/urdf/doctor.ts';
 import { general, quoted } from '../../src/urdf/finding.ts';
 import { readUrdf } from '../../src/urdf/reader.ts';

@@ -1,7 +1,7 @@
 import '../shell/styles/tools.css';
 import './row.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
-import { manifestUrl } from '../../relay/lane.ts';
+import { manifestUrl } from '../../relay/addresses.ts';
 import type { RowMember, RowView } from '../../scene/figure/body_view.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { ViewNote } from '../robot/BodyNotes.tsx';

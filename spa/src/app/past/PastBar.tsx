@@ -1,7 +1,7 @@
 import { useCallback, useEffect, useState, useSyncExternalStore } from 'react';
 import type { PastSource } from '../../past/past_source.ts';
 import type { PastControls } from '../../past/past_types.ts';
-import { manifestUrl } from '../../relay/lane.ts';
+import { manifestUrl } from '../../relay/addresses.ts';
 import { isolated } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { late, onDemand } from '../shell/late.tsx';

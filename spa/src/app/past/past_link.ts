@@ -1,12 +1,18 @@
 import { fetchPartsAhead } from '../../browser/late_part.ts';
 import type { PastSource } from '../../past/past_source.ts';
-import type { PastControls, PastSink, PastState, Playhead } from '../../past/past_types.ts';
-import { Coming } from '../../past/player/coming.ts';
+import {
+  MINUTE_MS,
+  PAGE_MS,
+  type PastControls,
+  type PastSink,
+  type PastState,
+  type Playhead,
+} from '../../past/past_types.ts';
+import { Coming } from '../../past/player/around.ts';
 import { PastPlayer } from '../../past/player/past_player.ts';
 import { OwnTape } from '../../past/player/tape/own_tape.ts';
-import { MINUTE_MS, PAGE_MS } from '../../past/relay/past_documents.ts';
 import { RelayPast } from '../../past/relay/relay_past.ts';
-import { pastUrl } from '../../relay/lane.ts';
+import { pastUrl } from '../../relay/addresses.ts';
 import { request } from '../../relay/request.ts';
 import { tokenFor } from '../../relay/token.ts';
 import { nowMs } from '../../stream/clock.ts';

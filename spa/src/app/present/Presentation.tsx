@@ -1,7 +1,6 @@
 import './present.css';
 import { type ReactNode, useEffect, useSyncExternalStore } from 'react';
-import { recordingUrl } from '../../relay/recording_address.ts';
-import { home } from '../../relay/relay.ts';
+import { home, recordingUrl } from '../../relay/relay.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { type AngleUnit, displayOf, formatNumber } from '../../twin/format.ts';
 import { NUMBERS } from '../../twin/joints.ts';

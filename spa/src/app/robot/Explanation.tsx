@@ -1,4 +1,4 @@
-import { laneUrl } from '../../relay/lane.ts';
+import { laneUrl } from '../../relay/addresses.ts';
 import type { Link } from '../../stream/client.ts';
 import { formatSpan } from '../../twin/format.ts';
 import { isClaim, type Verdict } from '../../twin/liveness.ts';

@@ -1,7 +1,7 @@
 import type { BodyView } from '../../scene/figure/body_view.ts';
 import { onTaps } from '../../scene/figure/taps.ts';
-import { JointChannels } from '../../twin/joint_channels.ts';
 import type { KinematicTree } from '../../twin/kinematic_tree.ts';
+import { JointChannels } from '../../twin/kinematic_tree.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { pressedLabel, watchPresses } from '../explain/pressed_sign.ts';
 import { addPageKeys, type KeyHandlers } from '../shell/page_keys.ts';

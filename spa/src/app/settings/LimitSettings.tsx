@@ -1,9 +1,9 @@
 import '../shell/styles/signs.css';
 import { useEffect, useId, useRef, useState } from 'react';
 import { type LimitChannel, limitChannels } from '../../twin/alarms/limit_channels.ts';
-import { MARGIN } from '../../twin/balance/margin_limits.ts';
+import { MARGIN } from '../../twin/balance/stance.ts';
 import { displayOf } from '../../twin/format.ts';
-import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../../twin/limits/limits.ts';
+import { ANY, type BadThreshold, type Threshold, whyNoThreshold } from '../../twin/limits.ts';
 import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import { dropOwnLimits, setOwnLimit } from '../state/limits.ts';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';

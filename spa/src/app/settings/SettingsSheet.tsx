@@ -1,5 +1,4 @@
-import { recordingUrl } from '../../relay/recording_address.ts';
-import { accounts, relayChoice } from '../../relay/relay.ts';
+import { accounts, recordingUrl, relayChoice } from '../../relay/relay.ts';
 import { Dialog } from '../shell/Dialog.tsx';
 import { late } from '../shell/late.tsx';
 import { SettingChoice } from '../shell/SettingChoice.tsx';

@@ -1,5 +1,5 @@
 import { type FormEvent, useEffect, useState, useSyncExternalStore } from 'react';
-import { accountName, onAccountName } from '../../relay/account_name.ts';
+import { accountName, onAccountName } from '../../relay/visitor.ts';
 import { Dialog } from '../shell/Dialog.tsx';
 import '../shell/styles/dialog.css';
 import { accountText, useAccountText } from '../text/late.ts';

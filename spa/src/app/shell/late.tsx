@@ -1,6 +1,6 @@
 import { Component, type ComponentType, type ReactNode, useEffect, useSyncExternalStore } from 'react';
-import { firstPaint } from '../../browser/first_paint.ts';
 import { LatePart } from '../../browser/late_part.ts';
+import { firstPaint } from '../../browser/painting.ts';
 import { retryNow } from '../../browser/retry.ts';
 import { createStore } from '../../kit.ts';
 import { signInNeeded } from '../../relay/request.ts';

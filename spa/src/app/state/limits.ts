@@ -1,6 +1,6 @@
 import { LatePart } from '../../browser/late_part.ts';
 import { readStored, writeStored } from '../../browser/storage.ts';
-import { editsText, NO_EDITS, readEdits, type Threshold, withEdit } from '../../twin/limits/limits.ts';
+import { editsText, NO_EDITS, readEdits, type Threshold, withEdit } from '../../twin/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 
 const OWN_ALARMS = new LatePart(

@@ -1,6 +1,6 @@
 import { Emitter, perObject } from '../../kit.ts';
 import { type Crossing, LimitLog } from '../../twin/alarms/limit_log.ts';
-import type { Threshold } from '../../twin/limits/limits.ts';
+import type { Threshold } from '../../twin/limits.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { SensorTable } from '../../twin/sensors/sensors.ts';
 

@@ -1,15 +1,13 @@
 import type { Schema } from '@posecast/wire';
-import type { Balance } from '../../twin/balance/balance.ts';
+import type { Balance, FootWrench, Standing } from '../../twin/balance/balance.ts';
 import { Balancer } from '../../twin/balance/balancer.ts';
 import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
-import type { FootWrench, Standing } from '../../twin/balance/standing.ts';
 import { type Pose, Poser, whyUnknown } from '../../twin/playback/pose.ts';
 import { ImuTable } from '../../twin/sensors/imus.ts';
-import { ArticulatedBody } from '../articulated_body.ts';
+import { ArticulatedBody, RootPose } from '../articulated_body.ts';
 import { jointsThatCarry, placeLinks, transform } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';
 import type { PosedBody } from '../posed_body.ts';
-import { RootPose } from '../root_pose.ts';
 import { chooseStanding } from './standing_choice.ts';
 
 /** A robot's body placed from a frame's codes alone, the same way as the scene places it: by odometry, or else standing on its

@@ -1,9 +1,8 @@
 import { type BalanceRule, readBalance, type Schema } from '@posecast/wire';
-import type { BalanceGap, Vec2 } from '../../twin/balance/balance.ts';
-import { convexHull } from '../../twin/balance/convex_hull.ts';
+import type { BalanceGap, Foot, FootSensor, SolePlane, Standing, Vec2 } from '../../twin/balance/balance.ts';
 import { FootWrenchReader } from '../../twin/balance/foot_wrench.ts';
 import { toldOfMasses } from '../../twin/balance/lacks.ts';
-import type { Foot, FootSensor, SolePlane, Standing } from '../../twin/balance/standing.ts';
+import { convexHull } from '../../twin/balance/polygon.ts';
 import { quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
 import { Kinematics } from '../kinematics.ts';
 import type { Manifest } from '../manifest.ts';

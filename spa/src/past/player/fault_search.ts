@@ -1,6 +1,6 @@
 import type { PastSource } from '../past_source.ts';
-import type { Mark } from '../past_types.ts';
-import { type Loads, PAGE_MS } from './tape/loads.ts';
+import { type Mark, PAGE_MS } from '../past_types.ts';
+import type { Loads } from './tape/loads.ts';
 import type { Reel } from './tape/reel.ts';
 
 /** A visit to a fault starts this long before it, ms. */

@@ -1,6 +1,6 @@
 import type { PastSource } from '../past_source.ts';
-import type { Span } from '../past_types.ts';
-import { type Loads, nameOfDay, PAGE_MS } from './tape/loads.ts';
+import { PAGE_MS, type Span } from '../past_types.ts';
+import { type Loads, nameOfDay } from './tape/loads.ts';
 
 /** How many pages are prefetched for dragging, newest first; the others are fetched when a finger reaches them. */
 const ATTENDED_PAGES = 6;

@@ -1,17 +1,25 @@
 import type { EventMessage } from '@posecast/wire';
-import { isWithin } from '../../twin/spans.ts';
+import { isWithin } from '../../kit.ts';
 import type { PastSource } from '../past_source.ts';
-import type { PastControls, PastEvent, Playhead, Span, Speed, Timeline } from '../past_types.ts';
+import {
+  PAGE_MS,
+  type PastControls,
+  type PastEvent,
+  type Playhead,
+  type Span,
+  type Speed,
+  type Timeline,
+} from '../past_types.ts';
+import { Fill } from './around.ts';
 import { searchFault } from './fault_search.ts';
-import { Fill } from './fill.ts';
 import { KeyPageFetcher } from './key_page_fetcher.ts';
 import { type PastPorts, PlayheadState } from './playhead_state.ts';
 import { goSteps, playOn } from './playing.ts';
 import { Projector } from './projector.ts';
 import { jump, type PlayerParts, showWanted, want } from './seeking.ts';
-import { Loads, PAGE_MS } from './tape/loads.ts';
+import { listEvents, listRecentEvents } from './tape/happenings.ts';
+import { Loads } from './tape/loads.ts';
 import type { Alignment, OwnTape } from './tape/own_tape.ts';
-import { listEvents, listRecentEvents } from './tape/recent_events.ts';
 import { AROUND_MAX, Reel } from './tape/reel.ts';
 import { Tape, type TapeFrame } from './tape/tape.ts';
 

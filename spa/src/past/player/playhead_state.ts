@@ -3,9 +3,8 @@ import { Emitter } from '../../kit.ts';
 import type { Recorded } from '../../twin/liveness.ts';
 import type { PastSource } from '../past_source.ts';
 import type { PastNote, PastSink, Playhead, Span, Speed, Timeline } from '../past_types.ts';
-import { PastNotes } from './notes.ts';
 import type { OwnTape } from './tape/own_tape.ts';
-import { LOADS_MAX, type Pending } from './tape/reel.ts';
+import { LOADS_MAX, PATIENCE_MS, type Pending } from './tape/reel.ts';
 
 /** Maximum age of the newest known moment while a robot is on air; if it is older, the relay's clock is unknown, ms. */
 const RECENT_MS = 15_000;
@@ -275,5 +274,50 @@ export class PlayheadState {
     if (!this.isPast)
       return { at: 'live', momentMs: this.newestMs, playing: true, speed: 1, loop: null, ...said };
     return { at: 'past', momentMs, playing, speed, loop: this.loop, ...said };
+  }
+}
+
+/** How long a note is shown if nothing else ends it, ms. */
+const NOTE_MS = 5000;
+/** How long a note about a link is shown, ms: long enough to read it twice while the page opens. */
+export const LINK_NOTE_MS = 15_000;
+
+/** Which note the viewer sees; times are by the page's clock. */
+export class PastNotes {
+  #said: { note: PastNote; sinceMs: number } | null = null;
+  /** Since when data is awaited. */
+  #waitingMs: number | null = null;
+  #isAway = false;
+
+  say(note: PastNote, nowMs: number): void {
+    this.#said = { note, sinceMs: nowMs };
+  }
+
+  /** The message no longer applies. */
+  forget(): void {
+    this.#said = null;
+  }
+
+  /** These are being awaited. */
+  wait(pending: readonly Pending[], nowMs: number): void {
+    this.#waitingMs ??= nowMs;
+    this.#isAway = pending.some(({ state }) => state === 'away');
+  }
+
+  /** Nothing is awaited any more. */
+  rest(): void {
+    this.#waitingMs = null;
+    this.#isAway = false;
+  }
+
+  read(nowMs: number): PastNote | null {
+    if (this.#isAway) return 'away';
+    if (this.#waitingMs !== null && nowMs - this.#waitingMs > PATIENCE_MS) return 'loading';
+    const said = this.#said;
+    if (said !== null && said.note !== 'not-kept') {
+      const staysMs = said.note === 'not-come' ? LINK_NOTE_MS : NOTE_MS;
+      if (nowMs - said.sinceMs >= staysMs) this.#said = null;
+    }
+    return this.#said?.note ?? null;
   }
 }

@@ -1,16 +1,15 @@
-import type { Fill } from './fill.ts';
+import { MINUTE_MS } from '../past_types.ts';
+import type { Fill } from './around.ts';
 import type { KeyPageFetcher } from './key_page_fetcher.ts';
-import { LINK_NOTE_MS } from './notes.ts';
-import type { PastPorts, PlayheadState } from './playhead_state.ts';
+import { LINK_NOTE_MS, type PastPorts, type PlayheadState } from './playhead_state.ts';
 import type { Projector } from './projector.ts';
+import { pageBefore } from './tape/happenings.ts';
 import type { Loads } from './tape/loads.ts';
-import { pageBefore } from './tape/recent_events.ts';
 import { LOADS_MAX, type Reel } from './tape/reel.ts';
 import type { Tape, TapeFrame } from './tape/tape.ts';
 
 /** The moment in a link counts as not kept unless something was recorded within this time of it, ms. */
 const LINK_APART_MS = 10_000;
-const MINUTE_MS = 60_000;
 
 /** State shared by seeking, playing and visits to faults. */
 export interface PlayerParts {

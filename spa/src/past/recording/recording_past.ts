@@ -11,13 +11,11 @@ import {
   segmentPath,
   unpackSegment,
 } from '@posecast/wire';
-import { Emitter } from '../../kit.ts';
-import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
-import type { Span, Timeline } from '../past_types.ts';
-import { BoundedCache } from '../relay/bounded_cache.ts';
-import { PAGE_MS } from '../relay/past_documents.ts';
-import { SharedRequests } from '../relay/past_requests.ts';
+import { BoundedCache, Emitter, firstPlace } from '../../kit.ts';
+import { decoded, nameOfRef, PastError, type PastSource, type SegmentRef } from '../past_source.ts';
+import { PAGE_MS, type Span, type Timeline } from '../past_types.ts';
 import { drawTimeline } from '../relay/past_timeline.ts';
+import { SharedRequests } from '../requests.ts';
 import { BYTES_MAX, type RecordingFiles } from './recording_files.ts';
 import type { RecordingIndex } from './recording_index.ts';
 
@@ -97,7 +95,7 @@ export class RecordingPast implements PastSource {
   segmentsIn({ fromMs, toMs }: Span, most = Number.POSITIVE_INFINITY): readonly SegmentRef[] {
     const { segments } = this.#index;
     const found: SegmentRef[] = [];
-    for (let i = firstReaching(this.#reach, fromMs); i < segments.length; i += 1) {
+    for (let i = this.#firstReaching(fromMs); i < segments.length; i += 1) {
       const ref = segments[i]!;
       if (ref.fromMs > toMs || found.length >= most) break;
       if (ref.toMs >= fromMs) found.push(ref);
@@ -108,7 +106,9 @@ export class RecordingPast implements PastSource {
   /** Whether the part at this moment is known to be missing or damaged. */
   isLostAt(momentMs: number): boolean {
     if (this.#losses.size === 0) return false;
-    return this.segmentsIn({ fromMs: momentMs, toMs: momentMs }).some((ref) => this.#losses.has(nameOf(ref)));
+    return this.segmentsIn({ fromMs: momentMs, toMs: momentMs }).some((ref) =>
+      this.#losses.has(nameOfRef(ref)),
+    );
   }
 
   async loadKeys({ fromMs, toMs }: Span): Promise<void> {
@@ -126,14 +126,13 @@ export class RecordingPast implements PastSource {
 
   async segment(ref: SegmentRef, signal?: AbortSignal): Promise<Segment> {
     signal?.throwIfAborted();
-    const name = nameOf(ref);
+    const name = nameOfRef(ref);
     const known = this.#segments.use(name);
     if (known !== undefined) return known;
     try {
       return await this.#shared.ask(name, (stop) => this.#readSegment(ref, stop), signal);
     } catch (error) {
-      if (error instanceof PastError && error.why !== 'away') this.#lose(name);
-      throw error;
+      throw this.#lose(name, error);
     }
   }
 
@@ -143,21 +142,15 @@ export class RecordingPast implements PastSource {
     try {
       return await this.#readBytes(ref, signal);
     } catch (error) {
-      if (error instanceof PastError && error.why !== 'away') this.#lose(nameOf(ref));
-      throw error;
+      throw this.#lose(nameOfRef(ref), error);
     }
   }
 
   async schema(sha256: string): Promise<Schema> {
+    const name = `schema ${sha256.slice(0, 8)}`;
     const text = this.#index.schemas.get(sha256);
-    if (text === undefined)
-      throw new PastError('damaged', `schema ${sha256.slice(0, 8)}: not in the recording`);
-    try {
-      return parseSchema(text);
-    } catch (error) {
-      if (!(error instanceof SchemaError)) throw error;
-      throw new PastError('damaged', `schema ${sha256.slice(0, 8)}: ${error.message}`);
-    }
+    if (text === undefined) throw new PastError('damaged', `${name}: not in the recording`);
+    return decoded(name, SchemaError, () => parseSchema(text));
   }
 
   close(): void {
@@ -169,7 +162,7 @@ export class RecordingPast implements PastSource {
   #hasPoses(pageMs: number): boolean {
     const { segments } = this.#index;
     const untilMs = pageMs + PAGE_MS;
-    for (let i = firstReaching(this.#reach, pageMs); i < segments.length; i += 1) {
+    for (let i = this.#firstReaching(pageMs); i < segments.length; i += 1) {
       const { fromMs, frames } = segments[i]!;
       if (fromMs >= untilMs) return false;
       if (fromMs >= pageMs && frames > 0) return true;
@@ -180,32 +173,20 @@ export class RecordingPast implements PastSource {
   async #readKeys(pageMs: number, signal: AbortSignal): Promise<void> {
     const path = keyPagePath(pageMs);
     const bytes = await this.#ports.files.read(path, BYTES_MAX.keys, signal);
-    try {
-      const page = decodeKeyPage(bytes);
-      if (page.fromMs !== pageMs || !this.#isOurs(page))
-        throw new PastError('damaged', `${path}: another page`);
-      this.#keys.set(pageMs, page.poses, bytes.length);
-    } catch (error) {
-      if (!(error instanceof SegmentError)) throw error;
-      throw new PastError('damaged', `${path}: ${error.message}`);
-    }
+    const page = decoded(path, SegmentError, () => decodeKeyPage(bytes));
+    if (page.fromMs !== pageMs || !this.#isOurs(page))
+      throw new PastError('damaged', `${path}: another page`);
+    this.#keys.set(pageMs, page.poses, bytes.length);
   }
 
   async #readSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {
     const path = segmentPath(ref);
     const bytes = await this.#readBytes(ref, signal);
-    let segment: Segment;
-    try {
-      segment = decodeSegment(bytes);
-    } catch (error) {
-      if (!(error instanceof SegmentError)) throw error;
-      if (/newer Posecast/.test(error.message)) this.#lost = { ...this.#lost, isNewer: true };
-      throw new PastError('damaged', `${path}: ${error.message}`);
-    }
+    const segment = decoded(path, SegmentError, () => decodeSegment(bytes));
     const { take, index, fromMs, schema } = segment.start;
     const isIt = take === ref.take && index === ref.index && fromMs === ref.fromMs && schema === ref.schema;
     if (!isIt || !this.#isOurs(segment.start)) throw new PastError('damaged', `${path}: another segment`);
-    this.#segments.set(nameOf(ref), segment, bytes.length);
+    this.#segments.set(nameOfRef(ref), segment, bytes.length);
     return segment;
   }
 
@@ -225,31 +206,23 @@ export class RecordingPast implements PastSource {
     return robot === this.#index.robot && view === this.#index.view;
   }
 
-  /** A part can't be played: it becomes a gap. */
-  #lose(name: string): void {
-    if (this.#losses.has(name)) return;
+  /** A part can't be played, for good: it becomes a gap. Returns the error. */
+  #lose(name: string, error: unknown): unknown {
+    if (!(error instanceof PastError) || error.why === 'away' || this.#losses.has(name)) return error;
     this.#losses.add(name);
-    this.#lost = { ...this.#lost, count: this.#losses.size };
+    const isNewer = this.#lost.isNewer || /newer Posecast/.test(error.message);
+    this.#lost = { count: this.#losses.size, isNewer };
     this.#stopRedraw ??= this.#ports.later(REDRAW_MS, () => {
       this.#stopRedraw = null;
-      const kept = this.#index.segments.filter((ref) => !this.#losses.has(nameOf(ref)));
+      const kept = this.#index.segments.filter((ref) => !this.#losses.has(nameOfRef(ref)));
       this.#timeline = drawTimeline(this.span, kept, []);
       this.#changed.emit();
     });
+    return error;
   }
-}
 
-function nameOf({ take, index }: SegmentRef): string {
-  return `${take}/${index}`;
-}
-
-/** The index of the first segment that reaches a moment. */
-function firstReaching(reach: Float64Array, momentMs: number): number {
-  let [low, high] = [0, reach.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (reach[middle]! < momentMs) low = middle + 1;
-    else high = middle;
+  /** The index of the first segment that reaches a moment. */
+  #firstReaching(momentMs: number): number {
+    return firstPlace(this.#reach, (reachMs) => reachMs >= momentMs);
   }
-  return low;
 }

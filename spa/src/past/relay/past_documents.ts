@@ -1,13 +1,10 @@
 import { type EventMessage, parseRelayMessage, type RobotStatus } from '@posecast/wire';
 import { PastError, type SegmentRef } from '../past_source.ts';
-import type { Span } from '../past_types.ts';
+import { DAY_MS, PAGE_MS, type Span } from '../past_types.ts';
 
 /** Reads the relay's answers about the past; see *The past* in `docs/reference/protocol.md`. Anything that deviates from it is a
  *  `PastError` ('damaged') that names the place; it contains none of the relay's own text. */
 
-export const MINUTE_MS = 60_000;
-export const PAGE_MS = 10 * MINUTE_MS;
-export const DAY_MS = 144 * PAGE_MS;
 /** Maximum entries in one page; a robot makes at most one segment a second. */
 export const SEGMENTS_MAX = 5000;
 

@@ -1,11 +1,8 @@
-import { PastError, type SegmentRef } from '../past_source.ts';
-import type { Span, Timeline } from '../past_types.ts';
-import { BoundedCache } from './bounded_cache.ts';
+import { BoundedCache, firstPlace } from '../../kit.ts';
+import { nameOfRef, PastError, type SegmentRef } from '../past_source.ts';
+import { DAY_MS, MINUTE_MS, PAGE_MS, type Span, type Timeline } from '../past_types.ts';
 import {
-  DAY_MS,
-  MINUTE_MS,
   minuteOf,
-  PAGE_MS,
   type PastDeletions,
   type PastMinute,
   type PastPage,
@@ -44,10 +41,6 @@ interface Day {
   readonly pagesMs: ReadonlySet<number>;
   /** The newest moment at the time of the request. */
   readonly knownMs: number;
-}
-
-export function nameOf({ take, index }: SegmentRef): string {
-  return `${take}/${index}`;
 }
 
 /** The start of the ten minutes that contain a moment. */
@@ -197,7 +190,7 @@ export class PastIndex {
     let newestMs = 0;
     for (const ref of segments) {
       newestMs = Math.max(newestMs, ref.toMs);
-      if (!this.isDeleted(ref)) all.set(nameOf(ref), ref); // a cache may still have the list of before
+      if (!this.isDeleted(ref)) all.set(nameOfRef(ref), ref); // a cache may still have the list of before
     }
     if (all.size > SEGMENTS_MAX)
       throw new PastError('damaged', `page ${minuteOf(pageMs)}: more than ${SEGMENTS_MAX} segments`);
@@ -213,7 +206,7 @@ export class PastIndex {
     this.#pages.set(pageMs, page, bytes);
     this.#toMs = Math.max(this.#toMs, newestMs);
     if (count > 0 || page.knownMs !== before.knownMs) this.#change();
-    return segments.filter((ref) => !before.segments.has(nameOf(ref))).length;
+    return segments.filter((ref) => !before.segments.has(nameOfRef(ref))).length;
   }
 
   /** Forgets what was deleted, now and in later answers: lists in caches may be from before, and relays that share a store hear of
@@ -246,7 +239,7 @@ export class PastIndex {
   segmentsIn(span: Span, most = Number.POSITIVE_INFINITY): readonly SegmentRef[] {
     const all = this.#listSegments();
     // by start: none lasts longer than a page
-    const first = firstFrom(all, span.fromMs - PAGE_MS);
+    const first = firstPlace(all, ({ fromMs }) => fromMs >= span.fromMs - PAGE_MS);
     const found: SegmentRef[] = [];
     for (let i = first; i < all.length && all[i]!.fromMs <= span.toMs && found.length < most; i++)
       if (all[i]!.toMs >= span.fromMs) found.push(all[i]!);
@@ -302,15 +295,4 @@ function overlaps({ fromMs, toMs }: Span, deleted: Span): boolean {
 
 function isSame(a: Span, b: Span): boolean {
   return a.fromMs === b.fromMs && a.toMs === b.toMs;
-}
-
-/** The index of the first that starts at `atMs` or later. */
-function firstFrom(segments: readonly SegmentRef[], atMs: number): number {
-  let [low, high] = [0, segments.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (segments[middle]!.fromMs < atMs) low = middle + 1;
-    else high = middle;
-  }
-  return low;
 }

@@ -1,7 +1,7 @@
 import type { RobotStatus } from '@posecast/wire';
 import type { SegmentRef } from '../past_source.ts';
-import type { Mark, Span, Timeline } from '../past_types.ts';
-import { MINUTE_MS, type PastMinute } from './past_documents.ts';
+import { type Mark, MINUTE_MS, type Span, type Timeline } from '../past_types.ts';
+import type { PastMinute } from './past_documents.ts';
 
 /** A minute, and the amount of movement in it. */
 export type KnownMinute = Omit<PastMinute, 'bytes'> & { readonly bytesPerS: number };

@@ -8,22 +8,20 @@ import {
   type Segment,
   SegmentError,
 } from '@posecast/wire';
-import { Emitter } from '../../kit.ts';
-import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
-import type { Span, Timeline } from '../past_types.ts';
-import { BoundedCache } from './bounded_cache.ts';
+import { BoundedCache, Emitter, eachOf } from '../../kit.ts';
+import { decoded, nameOfRef, PastError, type PastSource, type SegmentRef } from '../past_source.ts';
+import { PAGE_MS, type Span, type Timeline } from '../past_types.ts';
+import { type Answer, type FetchPorts, fetchTwice, SharedRequests } from '../requests.ts';
 import {
   dayOf,
   minuteOf,
-  PAGE_MS,
   type PastSummary,
   readDay,
   readDeletions,
   readPage,
   readSummary,
 } from './past_documents.ts';
-import { nameOf, PastIndex, pageOf } from './past_index.ts';
-import { PastRequests, type RelayPorts, SharedRequests } from './past_requests.ts';
+import { PastIndex, pageOf } from './past_index.ts';
 
 const TICK_MS = 2000;
 const IDLE_MS = 15_000;
@@ -61,11 +59,26 @@ interface KeysOfPage {
   readonly bytes: number;
 }
 
+/** The longest answer is a segment: 1 MiB each of header and records, plus some overhead. */
+const BYTES_MAX = 3_000_000;
+
+/** What the page provides for the past of a relay. */
+export interface RelayPorts extends FetchPorts {
+  /** The token for a URL, if there is one. */
+  readonly tokenFor: (url: string) => string | undefined;
+  /** A monotonic clock, ms. */
+  readonly nowMs: () => number;
+  /** Whether unprompted requests are paused: nobody sees the page, or the relay does not know the robot. */
+  readonly isIdle: () => boolean;
+  /** The live schema; null if there is none yet. The past almost always has the same one. */
+  readonly liveSchema: () => Schema | null;
+}
+
 /** The past that a relay keeps of a robot. At first it requests only how far back the past reaches and, if that is no more than
  *  an hour, the amount of data in each minute. */
 export class RelayPast implements PastSource {
   readonly #ports: RelayPorts;
-  readonly #requests: PastRequests;
+  readonly #baseUrl: string;
   readonly #shared = new SharedRequests();
   readonly #index = new PastIndex();
   readonly #segments = new BoundedCache<string, Segment>(SEGMENTS_KEPT_BYTES);
@@ -86,7 +99,7 @@ export class RelayPast implements PastSource {
   /** `baseUrl`: `…/api/v1/robots/{robot}/past`. */
   constructor(baseUrl: string, ports: RelayPorts) {
     this.#ports = ports;
-    this.#requests = new PastRequests(baseUrl, ports);
+    this.#baseUrl = baseUrl;
     this.#tick();
   }
 
@@ -111,7 +124,7 @@ export class RelayPast implements PastSource {
   async loadIndex(span: Span): Promise<void> {
     await this.#opened();
     const pages = this.#index.listPages(span).filter((pageMs) => !this.#index.knows(pageMs, span.toMs));
-    await eachOf(pages.slice(0, INDEX_PAGES_MAX), (pageMs) => this.#loadPage(pageMs));
+    await eachOf(pages.slice(0, INDEX_PAGES_MAX), AT_ONCE, (pageMs) => this.#loadPage(pageMs));
   }
 
   get deleted(): readonly Span[] {
@@ -127,6 +140,7 @@ export class RelayPast implements PastSource {
     const pages = this.#index.listPages(span).slice(0, KEY_PAGES_MAX);
     await eachOf(
       pages.filter((pageMs) => this.#lacksKeys(pageMs, span.toMs, everyMs)),
+      AT_ONCE,
       (pageMs) =>
         this.#shared.ask(`keys ${pageMs} ${everyMs}`, (signal) => this.#fetchKeys(pageMs, everyMs, signal)),
     );
@@ -144,7 +158,7 @@ export class RelayPast implements PastSource {
 
   async segment(ref: SegmentRef, signal?: AbortSignal): Promise<Segment> {
     signal?.throwIfAborted();
-    const name = nameOf(ref);
+    const name = nameOfRef(ref);
     return (
       this.#segments.use(name) ??
       (await this.#shared.ask(name, (stop) => this.#fetchSegment(ref, stop), signal))
@@ -152,7 +166,7 @@ export class RelayPast implements PastSource {
   }
 
   async segmentBytes(ref: SegmentRef, signal?: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
-    return await this.#shared.ask(`bytes ${nameOf(ref)}`, (stop) => this.#fetchBytes(ref, stop), signal);
+    return await this.#shared.ask(`bytes ${nameOfRef(ref)}`, (stop) => this.#fetchBytes(ref, stop), signal);
   }
 
   async schema(sha256: string): Promise<Schema> {
@@ -205,7 +219,7 @@ export class RelayPast implements PastSource {
   async #fetchSummary(signal: AbortSignal): Promise<void> {
     this.#dueMs = this.#ports.nowMs() + IDLE_MS;
     try {
-      const { json } = await this.#requests.getJson('', signal);
+      const { json } = await this.#getJson('', signal);
       this.#setSummary(readSummary(json));
       if (this.#index.forget(readDeletions(json))) this.#forgetDeleted();
     } catch (error) {
@@ -224,10 +238,10 @@ export class RelayPast implements PastSource {
 
   /** Fetches the unknown days in a span, and news about those that may have changed. */
   async #fetchDays(span: Span | null): Promise<void> {
-    await eachOf(this.#index.listDaysToFetch(span), (dayMs) =>
+    await eachOf(this.#index.listDaysToFetch(span), AT_ONCE, (dayMs) =>
       this.#shared.ask(`day ${dayMs}`, async (signal) => {
         const [view, { toMs }] = [this.#view, this.#index];
-        const { json } = await this.#requests.getJson(`/${view}/${dayOf(dayMs)}`, signal);
+        const { json } = await this.#getJson(`/${view}/${dayOf(dayMs)}`, signal);
         if (view === this.#view) this.#index.setDay(dayMs, readDay(json, dayMs), toMs);
       }),
     );
@@ -273,7 +287,7 @@ export class RelayPast implements PastSource {
     if (pages.length === 0) return;
     const growing = [...pages, pageOf(this.#index.toMs), pageOf(this.#relayNowMs())];
     const wanted = [...new Set(growing)].filter((pageMs) => !this.#index.isClosed(pageMs));
-    await eachOf(wanted, (pageMs) => this.#loadPage(pageMs));
+    await eachOf(wanted, AT_ONCE, (pageMs) => this.#loadPage(pageMs));
   }
 
   async #loadPage(pageMs: number): Promise<void> {
@@ -288,7 +302,7 @@ export class RelayPast implements PastSource {
       const last = this.#index.getLast(pageMs);
       const after = last === null ? '' : `?after=${last.take},${last.index}`;
       const path = `/${view}/${minuteOf(pageMs)}${after}`;
-      const { json, size } = await this.#requests.getJson(path, signal);
+      const { json, size } = await this.#getJson(path, signal);
       if (view !== this.#view) return;
       const page = readPage(json, pageMs);
       const count = this.#index.addPage(pageMs, page, size, knownMs);
@@ -317,8 +331,8 @@ export class RelayPast implements PastSource {
     const enough = ((count ?? PAGE_MS / USUAL_SEGMENT_MS) * everyMs) / PAGE_MS;
     const every = Math.min(1000, Math.max(1, Math.ceil(wholeBytes / KEYS_BYTES_WANTED), Math.floor(enough)));
     const path = `/${view}/${minuteOf(pageMs)}/keys${every > 1 ? `?every=${every}` : ''}`;
-    const { bytes } = await this.#requests.get(path, signal);
-    const page = decoded(path, SegmentError, () => decodeKeyPage(bytes));
+    const { bytes } = await this.#get(path, signal);
+    const page = decoded(`past${path}`, SegmentError, () => decodeKeyPage(bytes));
     if (page.fromMs !== pageMs) throw new PastError('damaged', `past${path}: another page`);
     if (view !== this.#view) return;
     if (page.poses.length > 0) this.#poseBytes = bytes.length / page.poses.length;
@@ -327,10 +341,10 @@ export class RelayPast implements PastSource {
   }
 
   async #fetchSegment(ref: SegmentRef, signal: AbortSignal): Promise<Segment> {
-    const name = nameOf(ref);
+    const name = nameOfRef(ref);
     const path = `/${this.#view}/${name}`;
     const bytes = await this.#fetchBytes(ref, signal);
-    const segment = decoded(path, SegmentError, () => decodeSegment(bytes));
+    const segment = decoded(`past${path}`, SegmentError, () => decodeSegment(bytes));
     if (segment.start.take !== ref.take || segment.start.index !== ref.index)
       throw new PastError('damaged', `past${path}: another segment`);
     this.#segments.set(name, segment, bytes.length);
@@ -338,8 +352,8 @@ export class RelayPast implements PastSource {
   }
 
   async #fetchBytes(ref: SegmentRef, signal: AbortSignal): Promise<Uint8Array<ArrayBuffer>> {
-    const path = `/${this.#view}/${nameOf(ref)}`;
-    const { bytes, isJson } = await this.#requests.get(path, signal);
+    const path = `/${this.#view}/${nameOfRef(ref)}`;
+    const { bytes, isJson } = await this.#get(path, signal);
     if (isJson) throw new PastError('gone', `past${path}: not kept any more`);
     if (bytes.length !== ref.bytes)
       throw new PastError('damaged', `past${path}: ${bytes.length} bytes, not ${ref.bytes}`);
@@ -354,11 +368,29 @@ export class RelayPast implements PastSource {
       return live;
     }
     const path = `/${this.#view}/schema/${sha256}`;
-    const { bytes } = await this.#requests.get(path, signal);
+    const { bytes } = await this.#get(path, signal);
     await checkHash(path, bytes, sha256);
-    const schema = decoded(path, SchemaError, () => parseSchema(new TextDecoder().decode(bytes)));
+    const schema = decoded(`past${path}`, SchemaError, () => parseSchema(new TextDecoder().decode(bytes)));
     this.#schemas.set(sha256, schema, 1);
     return schema;
+  }
+
+  /** Fetches what lies below the past's address. `path`: '', or with a leading slash. */
+  #get(path: string, signal: AbortSignal): Promise<Answer> {
+    const url = this.#baseUrl + path;
+    const token = this.#ports.tokenFor(url);
+    const headers: HeadersInit = token ? { authorization: `Bearer ${token}` } : {};
+    const wanted = { url, name: `past${path}`, most: BYTES_MAX, headers, signal, cutTwice: 'away' } as const;
+    return fetchTwice(wanted, this.#ports);
+  }
+
+  async #getJson(path: string, signal: AbortSignal) {
+    const { bytes } = await this.#get(path, signal);
+    try {
+      return { json: JSON.parse(new TextDecoder().decode(bytes)) as unknown, size: bytes.length };
+    } catch {
+      throw new PastError('damaged', `past${path}: no JSON`);
+    }
   }
 
   #tell(): void {
@@ -366,16 +398,6 @@ export class RelayPast implements PastSource {
     if (timeline === this.#told) return;
     this.#told = timeline;
     this.#changed.emit();
-  }
-}
-
-/** The result of `decode`; if it rejects the data with a `Refusal`, the data is damaged. */
-function decoded<T>(path: string, Refusal: new () => Error, decode: () => T): T {
-  try {
-    return decode();
-  } catch (error) {
-    if (error instanceof Refusal) throw new PastError('damaged', `past${path}: ${error.message}`);
-    throw error;
   }
 }
 
@@ -391,17 +413,4 @@ async function hashOf(bytes: Uint8Array<ArrayBuffer>): Promise<string | null> {
   if (subtle === undefined) return null;
   const hash = new Uint8Array(await subtle.digest('SHA-256', bytes));
   return [...hash].map((byte) => byte.toString(16).padStart(2, '0')).join('');
-}
-
-/** Calls `run` for each item, a few at a time, until one rejects. */
-async function eachOf<T>(items: readonly T[], run: (item: T) => Promise<void>): Promise<void> {
-  const waiting = [...items];
-  const work = async (): Promise<void> => {
-    for (let item = waiting.shift(); item !== undefined; item = waiting.shift())
-      await run(item).catch((error: unknown) => {
-        waiting.length = 0;
-        throw error;
-      });
-  };
-  await Promise.all(Array.from({ length: AT_ONCE }, work));
 }

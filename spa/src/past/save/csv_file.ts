@@ -1,11 +1,17 @@
 import { type Field, MISSING, type Schema } from '@posecast/wire';
+import type { BalanceReader } from '../../model/balance/balance_reader.ts';
 import type { Manifest } from '../../model/manifest.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
 import { withoutFormulas } from '../../twin/plots/window.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import { BlobParts, type SavePorts } from './save_ports.ts';
-import type { SavedBalance } from './saved_balance.ts';
-import { framesOf, modelsOf, type SavedFrame, type SavedSpan } from './saved_span.ts';
+import {
+  BlobParts,
+  framesOf,
+  modelsOf,
+  type SavedFrame,
+  type SavedSpan,
+  type SavePorts,
+} from './saved_span.ts';
 
 /** Rows built at a time. */
 const ROWS = 32;
@@ -36,14 +42,14 @@ export async function writeCsv(
 ): Promise<{ readonly blob: Blob; readonly lostModels: number }> {
   const file = new BlobParts();
   const manifests = await loadManifests(span, { models, signal });
-  const balances = await loadBalance(span, manifests);
-  const table = new CsvTable(span.schemas.values(), balances ? BALANCE_COLUMNS : []);
+  const readBalance = await loadBalance(span, manifests);
+  const table = new CsvTable(span.schemas.values(), readBalance ? BALANCE_COLUMNS : []);
   const timeline = new ModelTimeline(span);
   let lines = BYTE_ORDER_MARK + table.head;
   let count = 0;
   for (const frame of framesOf(span, onPart)) {
     const manifest = manifests.get(timeline.at(frame.atUs) ?? '') ?? null;
-    lines += table.row(frame, balances ? balanceCells(balances.read(frame, manifest)) : []);
+    lines += table.row(frame, readBalance ? balanceCells(readBalance(frame, manifest)) : []);
     if (++count % ROWS > 0) continue;
     file.write(lines);
     lines = '';
@@ -169,16 +175,25 @@ async function loadManifests(
   return manifests;
 }
 
-/** Reads the balance of a span's frames with these models; null if there is none. The code, which also draws balance, is loaded
- *  only if a model is available. */
+/** Reads the balance of a span's frames, in order, with these models; null if there is none. The code, which also draws balance,
+ *  is loaded only if a model is available. */
 async function loadBalance(
   { schemas }: Pick<SavedSpan, 'schemas'>,
   manifests: ReadonlyMap<string, Manifest | null>,
-): Promise<SavedBalance | null> {
+): Promise<((frame: SavedFrame, manifest: Manifest | null) => Balance | null) | null> {
   const models = [...manifests.values()].filter((manifest) => manifest !== null);
   if (models.length === 0) return null;
-  const { SavedBalance } = await import('./saved_balance.ts');
-  return SavedBalance.of(models, [...schemas.values()]);
+  const { BalanceReader } = await import('../../model/balance/balance_reader.ts');
+  const all = [...schemas.values()];
+  if (!models.some((model) => all.some((schema) => new BalanceReader(model, schema).hasAny))) return null;
+  let reader: BalanceReader | null = null;
+  return ({ schema, codes, tS }, manifest) => {
+    if (manifest === null) reader = null;
+    // each decoder has one schema
+    else if (reader?.manifest !== manifest || reader.schema.text !== schema.text)
+      reader = new BalanceReader(manifest, schema);
+    return reader?.hasAny ? reader.ofFrame(codes, tS) : null;
+  };
 }
 
 /** The robot's model at moments, which must be requested in time order. */

@@ -12,10 +12,9 @@ import {
   segmentPath,
 } from '@posecast/wire';
 import { Zip, ZipDeflate, ZipPassThrough } from 'fflate';
-import { BlobParts, type SavePorts } from './save_ports.ts';
-import { modelsOf, type SavedSegment, type SavedSpan } from './saved_span.ts';
+import { PAGE_MS } from '../past_types.ts';
+import { BlobParts, modelsOf, type SavedSegment, type SavedSpan, type SavePorts } from './saved_span.ts';
 
-const PAGE_MS = 600_000;
 /** Target size of a page of KEYs; if there are too many, it has every n-th. */
 const KEYS_BYTES_WANTED = 100_000;
 const EVERY_MAX = 1024;

@@ -3,8 +3,15 @@ import type { SegmentRef } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
 import { writeCsv } from './csv_file.ts';
 import { writePosecast } from './posecast_file.ts';
-import { type Lost, SaveError, type SaveFormat, type SavePorts } from './save_ports.ts';
-import { findSegments, loadSpan, type SavedSpan } from './saved_span.ts';
+import {
+  findSegments,
+  type Lost,
+  loadSpan,
+  type SavedSpan,
+  SaveError,
+  type SaveFormat,
+  type SavePorts,
+} from './saved_span.ts';
 
 /** For a recording: the overhead of a segment, consisting of its first pose, its index row and its name. */
 const SEGMENT_BYTES = 800;
@@ -73,7 +80,7 @@ async function modelBytes(refs: readonly SegmentRef[], { models }: Ports): Promi
   return sum;
 }
 
-export { SaveError } from './save_ports.ts';
+export { SaveError } from './saved_span.ts';
 
 /** The share of the work that is done once all segments are loaded. */
 const LOADED = 0.5;

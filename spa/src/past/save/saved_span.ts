@@ -1,5 +1,5 @@
 import {
-  Decoder,
+  type Decoder,
   decodeSegment,
   FrameError,
   type MergedFrame,
@@ -8,9 +8,11 @@ import {
   type Segment,
   SegmentError,
 } from '@posecast/wire';
-import { PastError, type SegmentRef } from '../past_source.ts';
+import { eachOf } from '../../kit.ts';
+import type { Manifest } from '../../model/manifest.ts';
+import { PastError, type PastSource, type SegmentRef } from '../past_source.ts';
 import type { Span } from '../past_types.ts';
-import { SaveError, type SavePorts, SEGMENTS_BYTES_MAX, SPAN_MS_MAX } from './save_ports.ts';
+import { readerOf, type SchemaReader } from '../player/tape/tape.ts';
 
 /** The number of segments fetched in parallel. */
 const AT_ONCE = 4;
@@ -56,21 +58,16 @@ export async function loadSpan(
   const schemas = new Map<string, Schema>();
   let isAway = false;
   let done = 0;
-  const waiting = [...refs.entries()];
-  const work = async () => {
-    for (let next = waiting.shift(); next !== undefined; next = waiting.shift()) {
-      const [place, ref] = next;
-      signal.throwIfAborted();
-      try {
-        found[place] = await load(source, ref, schemas, signal);
-      } catch (error) {
-        if (!(error instanceof PastError || error instanceof SegmentError)) throw error;
-        isAway ||= error instanceof PastError && error.why === 'away';
-      }
-      onPart(++done / refs.length);
+  await eachOf(refs.entries(), AT_ONCE, async ([place, ref]) => {
+    signal.throwIfAborted();
+    try {
+      found[place] = await load(source, ref, schemas, signal);
+    } catch (error) {
+      if (!(error instanceof PastError || error instanceof SegmentError)) throw error;
+      isAway ||= error instanceof PastError && error.why === 'away';
     }
-  };
-  await Promise.all(Array.from({ length: AT_ONCE }, work));
+    onPart(++done / refs.length);
+  });
   const segments = found.filter((each) => each !== null);
   if (segments.length === 0) throw new SaveError(isAway ? 'away' : 'nothing');
   return { ...span, segments, schemas, lostSegments: refs.length - segments.length };
@@ -134,11 +131,6 @@ export function modelsOf({
   return found.sort((a, b) => a.atUs - b.atUs);
 }
 
-interface SchemaReader {
-  readonly schema: Schema;
-  readonly decoder: Decoder;
-}
-
 function runsOf(frames: readonly MergedFrame[]): MergedFrame[][] {
   const runs = new Map<string, MergedFrame[]>();
   for (const frame of frames) {
@@ -158,11 +150,6 @@ function isWithin({ fromMs, toMs }: SavedSpan, atUs: number): boolean {
   return atUs >= fromMs * 1000 && atUs <= toMs * 1000 + 999;
 }
 
-function readerOf({ text }: Schema): SchemaReader {
-  const decoder = new Decoder(1);
-  return { schema: decoder.addSchema(text), decoder };
-}
-
 /** The content of the last of some frames; null if it can't be decoded. */
 function decode(decoder: Decoder, frames: readonly Uint8Array[]) {
   try {
@@ -170,5 +157,84 @@ function decode(decoder: Decoder, frames: readonly Uint8Array[]) {
   } catch (error) {
     if (error instanceof FrameError) return null;
     throw error;
+  }
+}
+
+/** How many bytes are held in the page's memory; Blobs belong to the browser, which moves large ones to disk. */
+const PART_BYTES = 4 << 20;
+
+/** Builds a file: about `PART_BYTES` at a time are held here, the rest in Blobs. */
+export class BlobParts {
+  readonly #blobs: Blob[] = [];
+  #pieces: BlobPart[] = [];
+  #held = 0;
+
+  /** Adds a copy of bytes, or text as UTF-8. */
+  write(piece: Uint8Array | string): void {
+    const bytes = typeof piece === 'string' ? new TextEncoder().encode(piece) : piece.slice();
+    if (bytes.length === 0) return;
+    this.#pieces.push(bytes as Uint8Array<ArrayBuffer>);
+    this.#held += bytes.length;
+    if (this.#held < PART_BYTES) return;
+    this.#blobs.push(new Blob(this.#pieces));
+    this.#pieces = [];
+    this.#held = 0;
+  }
+
+  /** The whole file. */
+  blob(type: string): Blob {
+    return new Blob([...this.#blobs, ...this.#pieces], { type });
+  }
+}
+
+/** The longest span that can be saved, ms. */
+export const SPAN_MS_MAX = 600_000;
+/** Size limit of a span's segments, which are held in memory while saving: ten times the size of ten minutes of the demo
+ *  robot. */
+export const SEGMENTS_BYTES_MAX = 64e6;
+
+export type SaveFormat = 'csv' | 'posecast';
+
+/** A file of a model: its path beside the manifest (`manifest.json` is one of them), and the function that fetches it. */
+export interface ModelFile {
+  readonly path: string;
+  /** From the manifest; 0 for the manifest itself. */
+  readonly bytes: number;
+  /** Rejects with an Error whose message is one line. */
+  fetch(): Promise<Uint8Array>;
+}
+
+/** The source of models. All methods reject with an Error whose message is one line. */
+export interface SavedModels {
+  /** The manifest of a model; null if the model has no such data. */
+  manifest(sha256: string): Promise<Manifest | null>;
+  /** All files of a model, the manifest first. */
+  files(sha256: string): Promise<readonly ModelFile[]>;
+}
+
+/** What saving needs from the page. */
+export interface SavePorts {
+  readonly source: Pick<PastSource, 'loadIndex' | 'segmentsIn' | 'segmentBytes' | 'schema'>;
+  readonly models: SavedModels;
+  /** Lets the page draw and respond. */
+  readonly breathe: () => Promise<void>;
+  readonly signal: AbortSignal;
+  /** The progress, 0…1. */
+  readonly onProgress: (part: number) => void;
+}
+
+/** What is missing in a saved file because it was unavailable. */
+export interface Lost {
+  readonly segments: number;
+  readonly models: number;
+}
+
+/** Why nothing was saved. `nothing`: nothing is recorded in the span, or none of it was available. `too-long`: more than
+ *  `SPAN_MS_MAX` or `SEGMENTS_BYTES_MAX`. `away`: the source does not answer. */
+export class SaveError extends Error {
+  override readonly name = 'SaveError';
+
+  constructor(readonly why: 'nothing' | 'too-long' | 'away') {
+    super(`not saved: ${why}`);
   }
 }

@@ -1,5 +1,5 @@
-import { Debounce } from '../../browser/debounce.ts';
-import { prefersReducedMotion } from '../../browser/reduced_motion.ts';
+import { prefersReducedMotion } from '../../browser/painting.ts';
+import { Debounce } from '../../kit.ts';
 import type { OverlayReadings } from '../../twin/overlay/reader.ts';
 import { CameraRig } from '../camera/camera_rig.ts';
 import type { SeenOverlay } from '../figure/body_view.ts';

@@ -1,4 +1,4 @@
-import { Debounce } from '../../browser/debounce.ts';
+import { Debounce } from '../../kit.ts';
 import { type QualityStep, QualitySteps } from './quality_steps.ts';
 
 /** This many losses within `WITHIN_MS` are tolerated; after one more, this browser is assumed unable to hold a context. */

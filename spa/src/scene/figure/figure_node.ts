@@ -1,9 +1,8 @@
-import { prefersReducedMotion } from '../../browser/reduced_motion.ts';
+import { prefersReducedMotion } from '../../browser/painting.ts';
+import { RootPose } from '../../model/articulated_body.ts';
 import { isPassing } from '../../model/bundle.ts';
-import { linksBeyond, linksMovedBy, treeOf } from '../../model/link_tree.ts';
-import type { LinkLook, PosedBody } from '../../model/posed_body.ts';
+import { type LinkLook, linksBeyond, linksMovedBy, type PosedBody, treeOf } from '../../model/posed_body.ts';
 import type { ModelReport } from '../../model/report.ts';
-import { RootPose } from '../../model/root_pose.ts';
 import type { KinematicTree } from '../../twin/kinematic_tree.ts';
 import type { Pose } from '../../twin/playback/pose.ts';
 import type { Quat, Vec3 } from '../../twin/rotation.ts';

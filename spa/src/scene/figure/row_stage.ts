@@ -1,5 +1,4 @@
-import { treeOf } from '../../model/link_tree.ts';
-import type { LinkLook } from '../../model/posed_body.ts';
+import { type LinkLook, treeOf } from '../../model/posed_body.ts';
 import type { ModelReport } from '../../model/report.ts';
 import { originOf } from '../../model/vectors.ts';
 import type { KinematicTree } from '../../twin/kinematic_tree.ts';

@@ -1,4 +1,4 @@
-import { markOnce } from '../../browser/first_paint.ts';
+import { markOnce } from '../../browser/painting.ts';
 import { boundsOf, extentOf, type LinkBox, lowestOf } from '../../model/bounds.ts';
 import { Kinematics, placeLinks, transform } from '../../model/kinematics.ts';
 import { boxesOfLinks, type Manifest } from '../../model/manifest.ts';

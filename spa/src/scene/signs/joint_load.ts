@@ -1,5 +1,4 @@
-import { jointOfLinks } from '../../model/link_tree.ts';
-import type { PosedBody } from '../../model/posed_body.ts';
+import { jointOfLinks, type PosedBody } from '../../model/posed_body.ts';
 import type { Load } from '../../twin/sensors/load.ts';
 import { loadColor, NO_LOAD } from './colors.ts';
 

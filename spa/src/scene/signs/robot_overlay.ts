@@ -1,5 +1,5 @@
 import type { Level } from '@posecast/wire';
-import { prefersReducedMotion } from '../../browser/reduced_motion.ts';
+import { prefersReducedMotion } from '../../browser/painting.ts';
 import { expandByBox, extentOf } from '../../model/bounds.ts';
 import type { PosedBody } from '../../model/posed_body.ts';
 import { addScaled, originOf } from '../../model/vectors.ts';

@@ -1,6 +1,6 @@
 import { PerspectiveCamera, Ray } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
-import { prefersReducedMotion } from '../../browser/reduced_motion.ts';
+import { prefersReducedMotion } from '../../browser/painting.ts';
 import { CameraRig, LOWEST } from '../camera/camera_rig.ts';
 import { FIELD_OF_VIEW } from '../camera/framing.ts';
 

@@ -1,5 +1,5 @@
 /** The 3D view in plain three.js, without a framework. Loaded on demand; the rest of the page works without it. */
-import { afterNextPaint } from '../../browser/first_paint.ts';
+import { afterNextPaint } from '../../browser/painting.ts';
 import { RobotScene } from './scene.ts';
 
 export { RobotScene };

@@ -9,7 +9,7 @@ import {
 } from 'three';
 import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js'; // loaded anyway: built models need it
 import { type BundleFile, NotNow, type RawFiles } from '../../model/bundle.ts';
-import type { MeshNote } from '../../model/mesh_facts.ts';
+import type { MeshNote } from '../../model/report.ts';
 import type { Paint } from '../../urdf/manifest.ts';
 import type { PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
 import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/meshes/stl.ts';

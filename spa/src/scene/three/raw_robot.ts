@@ -1,9 +1,8 @@
 import { isPassing, type RawFiles, type RawManifest } from '../../model/bundle.ts';
-import { factsOf, type MeshFacts, missingMesh } from '../../model/mesh_facts.ts';
-import type { ModelReport } from '../../model/report.ts';
+import { factsOf, type MeshFacts, type ModelReport, missingMesh } from '../../model/report.ts';
 import { modelOf, UrdfError } from '../../urdf/manifest.ts';
 import { LodBuilder, type PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
-import { ownMesh } from '../../urdf/meshes/own_mesh.ts';
+import { ownMesh } from '../../urdf/meshes/primitives.ts';
 import { readUrdf } from '../../urdf/reader.ts';
 import type { Urdf } from '../../urdf/types.ts';
 import { readXml, XmlRefused } from '../../urdf/xml.ts';

@@ -1,6 +1,6 @@
 import { Color, Scene } from 'three';
-import { Debounce } from '../../browser/debounce.ts';
-import { markOnce } from '../../browser/first_paint.ts';
+import { markOnce } from '../../browser/painting.ts';
+import { Debounce } from '../../kit.ts';
 import type { ModelReport } from '../../model/report.ts';
 import type { OverlayReadings } from '../../twin/overlay/reader.ts';
 import type { LocalRobot } from '../../urdf/local_robot.ts';

@@ -1,3 +1,5 @@
+import { fieldsOf } from '../../kit.ts';
+
 /** Reads a relay's answers about its newest parts (`docs/reference/protocol.md`, *The past*). Anything that deviates from it is
  *  null. */
 
@@ -42,7 +44,7 @@ export function readNext(answer: LaneAnswer): PartName | null {
   return nameOf(membersOf(answer).next);
 }
 
-export function membersOf({ bytes, isJson }: LaneAnswer): Record<string, unknown> {
+export function membersOf({ bytes, isJson }: LaneAnswer): Readonly<Record<string, unknown>> {
   try {
     return isJson ? fieldsOf(JSON.parse(new TextDecoder().decode(bytes))) : {};
   } catch {
@@ -56,8 +58,4 @@ function nameOf(value: unknown): PartName | null {
   return typeof index === 'number' && Number.isInteger(index) && index >= 0 && index <= INDEX_MAX
     ? { take, index }
     : null;
-}
-
-export function fieldsOf(value: unknown): Record<string, unknown> {
-  return typeof value === 'object' && value !== null ? (value as Record<string, unknown>) : {};
 }

@@ -3,8 +3,7 @@ import type { KnownBefore } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
 import { RateMeter } from '../pacing.ts';
 import { type LaneAnswer, type PartName, readBeginning, readNext } from './answers.ts';
-import { LookBack } from './look_back.ts';
-import type { MissedEvents } from './missed_events.ts';
+import { LookBack, type MissedEvents } from './missed_events.ts';
 import { PartPlayer } from './part_player.ts';
 import { PlayClock } from './play_clock.ts';
 

@@ -1,7 +1,8 @@
+import { readAtMost } from '../../kit.ts';
 import type { LaneHandlers, OpenLane } from '../lane_port.ts';
 import type { LaneAnswer } from './answers.ts';
 import { Lane, type LaneAction } from './lane.ts';
-import { LookBack } from './look_back.ts';
+import { LookBack } from './missed_events.ts';
 
 /** The address of a robot's parts. `pastUrl`: `…/robots/{robot}/past`. `view`: null: as the relay says. */
 interface LaneAddress {
@@ -114,7 +115,9 @@ async function get(url: string, signal: AbortSignal, headCame: () => void): Prom
   const { status, headers, body } = await fetch(url, { signal });
   headCame();
   const isJson = headers.get('content-type')?.startsWith('application/json') ?? false;
-  return { status, isJson, retryMs: retryMsOf(headers), dateMs: dateMsOf(headers), bytes: await read(body) };
+  const bytes = await readAtMost(body, BYTES_MAX);
+  if (bytes === null) throw new RangeError(`an answer of more than ${BYTES_MAX} bytes`);
+  return { status, isJson, retryMs: retryMsOf(headers), dateMs: dateMsOf(headers), bytes };
 }
 
 function retryMsOf(headers: Headers): number | null {
@@ -128,28 +131,4 @@ function retryMsOf(headers: Headers): number | null {
 function dateMsOf(headers: Headers): number | null {
   const ms = Date.parse(headers.get('date') ?? '') + 1000 * Number(headers.get('age') ?? 0);
   return Number.isFinite(ms) ? ms : null;
-}
-
-/** The bytes of an answer. Rejects as soon as there are more than the longest part can have. */
-async function read(body: ReadableStream<Uint8Array> | null): Promise<Uint8Array> {
-  const pieces: Uint8Array[] = [];
-  let size = 0;
-  const reader = body?.getReader();
-  for (;;) {
-    const { value } = (await reader?.read()) ?? {};
-    if (value === undefined) break;
-    size += value.length;
-    if (size > BYTES_MAX) {
-      await reader?.cancel();
-      throw new RangeError(`an answer of more than ${BYTES_MAX} bytes`);
-    }
-    pieces.push(value);
-  }
-  const all = new Uint8Array(size);
-  let at = 0;
-  for (const piece of pieces) {
-    all.set(piece, at);
-    at += piece.length;
-  }
-  return all;
 }

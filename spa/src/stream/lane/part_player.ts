@@ -6,9 +6,9 @@ import {
   type SegmentRecord,
   type SegmentStart,
 } from '@posecast/wire';
-import type { EventMark, KnownBefore } from '../lane_port.ts';
+import { causeOf } from '../../twin/names.ts';
+import { type EventMark, FAULTS_MAX, type KnownBefore, ToldFaults } from '../lane_port.ts';
 import type { FromStream } from '../messages.ts';
-import { causeOf, FAULTS_MAX, ToldFaults } from '../told_faults.ts';
 import type { Missing } from './missed_events.ts';
 import type { PlayClock } from './play_clock.ts';
 import { PoseReader } from './pose_reader.ts';

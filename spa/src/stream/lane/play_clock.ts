@@ -1,3 +1,5 @@
+import { remember } from '../../kit.ts';
+
 /** How much faster or slower than real time the lane plays while its delay changes: too little to notice. */
 const GENTLE = 0.08;
 /** How early a part should arrive before it is played. */
@@ -104,7 +106,7 @@ export class PlayClock {
     const isFirstOfTake = this.#closesMs.length === 0;
     const lateMs = isFirstOfTake ? 0 : closeMs - this.closeMs;
     if (lateMs > STALL_MS && spanMs + closeMs <= this.shiftMs) {
-      remember(this.#spansMs, spanMs); // it was requested late, because it is shorter than the previous ones
+      remember(this.#spansMs, spanMs, REMEMBERED); // it was requested late, because it is shorter than the previous ones
       return;
     }
     this.#stalls = lateMs > STALL_MS ? this.#stalls + 1 : 0;
@@ -125,8 +127,8 @@ export class PlayClock {
   }
 
   #remember(spanMs: number, closeMs: number): void {
-    remember(this.#closesMs, closeMs);
-    remember(this.#spansMs, spanMs);
+    remember(this.#closesMs, closeMs, REMEMBERED);
+    remember(this.#spansMs, spanMs, REMEMBERED);
   }
 
   /** Moves the delay towards its target, as far as is allowed by now. */
@@ -180,9 +182,4 @@ function firstShiftMs(part: Arrival): number {
 /** Whether the newest part can have ended that long ago. */
 function isLikely({ fromMs, toMs, agoMs }: Arrival): boolean {
   return agoMs !== null && agoMs >= 0 && agoMs < 2 * (toMs - fromMs) + SAME_MS;
-}
-
-function remember(list: number[], value: number): void {
-  list.push(value);
-  if (list.length > REMEMBERED) list.shift();
 }

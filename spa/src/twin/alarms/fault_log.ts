@@ -1,8 +1,9 @@
 import type { EventMessage, Schema } from '@posecast/wire';
+import { dropOldest, isWithin, type Span } from '../../kit.ts';
 import { flagWords } from '../format.ts';
 import type { JointRow, LimitedName } from '../joints.ts';
-import type { ValueLimits } from '../limits/limits.ts';
-import { isWithin, type Spans } from '../spans.ts';
+import type { ValueLimits } from '../limits.ts';
+import { causeOf } from '../names.ts';
 import { Occurrences } from './occurrences.ts';
 
 /** The kind of fault: a flag bit set by the robot, an exceeded limit (current, temperature), or a joint that has long deviated
@@ -102,7 +103,7 @@ export class FaultLog {
 
   event(event: EventMessage, nowMs: number): void {
     if (event.level !== 'fault') return;
-    const key = keyOf(event.source, event.text);
+    const key = causeOf(event);
     const atMs = event.at === null ? nowMs : event.at * 1000;
     const entry = this.#entries.get(key);
     if (event.state === 'off') {
@@ -138,12 +139,12 @@ export class FaultLog {
       const sinceMs = this.#apartSince(row, nowMs);
       if (row.level === 'fault') {
         for (const [what, text, words] of faultsOf(row)) {
-          const key = keyOf(row.label, text);
+          const key = causeOf({ source: row.label, text });
           shown.add(key);
           this.#lasts({ key, level: 'fault', what, source: row.label, words }, nowMs, nowMs);
         }
       } else if (sinceMs !== null && nowMs - sinceMs >= STALLED_AFTER_MS) {
-        const key = keyOf(row.label, 'apart');
+        const key = causeOf({ source: row.label, text: 'apart' });
         shown.add(key);
         this.#lasts({ key, level: 'caution', what: 'apart', source: row.label, words: '' }, sinceMs, nowMs);
       }
@@ -176,15 +177,12 @@ export class FaultLog {
       this.#acknowledged.set(key, entry.riseMs);
       if (entry.clearedMs !== null) this.#entries.delete(key);
     }
-    while (this.#acknowledged.size > ACK_LIMIT) {
-      const [oldest] = this.#acknowledged.keys();
-      this.#acknowledged.delete(oldest as string);
-    }
+    dropOldest(this.#acknowledged, ACK_LIMIT);
     this.version += 1;
   }
 
   /** Forgets the faults that are over and began in one of these spans, unix ms. */
-  forget(spans: Spans): void {
+  forget(spans: readonly Span[]): void {
     for (const [key, { riseMs, clearedMs }] of this.#entries)
       if (clearedMs !== null && isWithin(riseMs, spans)) this.#entries.delete(key);
     this.version += 1;
@@ -235,10 +233,6 @@ export function canKnowFaults(schema: Schema, limits: ValueLimits): boolean {
       bits.some((bit) => mapping.severity(name, bit) === 'fault') ||
       labels.some((label) => isJudged(name, label)),
   );
-}
-
-function keyOf(source: string, text: string): string {
-  return `${source}\n${text}`; // no name holds a control character
 }
 
 function* faultsOf(row: JointRow): Generator<[what: What, text: string, words: string]> {

@@ -1,7 +1,7 @@
 import { JOINT, type Schema } from '@posecast/wire';
-import { MARGIN } from '../balance/margin_limits.ts';
+import { MARGIN } from '../balance/stance.ts';
 import { limitedNames, numberOf } from '../joints.ts';
-import { ANY } from '../limits/limits.ts';
+import { ANY } from '../limits.ts';
 import { SensorTable, type SensorWords } from '../sensors/sensors.ts';
 
 /** A channel for which a viewer may set limits. */

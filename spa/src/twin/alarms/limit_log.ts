@@ -1,6 +1,6 @@
 import type { Level, Threshold } from '@posecast/wire';
 import { displayOf } from '../format.ts';
-import type { ValueLimits } from '../limits/limits.ts';
+import type { ValueLimits } from '../limits.ts';
 import type { Reading, SensorGroup } from '../sensors/sensors.ts';
 
 /** A reading that exceeded a limit watched only by this page (`on`), or returned within it (`off`). */

@@ -1,3 +1,5 @@
+import { dropOldest, remember } from '../../kit.ts';
+
 /** How long an occurrence counts, ms. */
 export const WINDOW_MS = 600_000;
 /** Maximum occurrences kept for one fault; beyond that the count is "over" this number. */
@@ -67,12 +69,11 @@ export class Occurrences {
   }
 
   #add(key: string, kept: Kept, atMs: number, nowMs: number, byEvent: boolean): void {
-    kept.risesMs.push(atMs);
-    if (kept.risesMs.length > TIMES_LIMIT) kept.risesMs.shift();
+    remember(kept.risesMs, atMs, TIMES_LIMIT);
     kept.toldMs = nowMs;
     kept.byEvent = byEvent;
     this.#kept.delete(key); // re-inserted, so that the newest is last
     this.#kept.set(key, kept);
-    if (this.#kept.size > KEPT_LIMIT) this.#kept.delete(this.#kept.keys().next().value!);
+    dropOldest(this.#kept, KEPT_LIMIT);
   }
 }

@@ -1,12 +1,9 @@
 import type { Ground } from '@posecast/wire';
-import type { Vec3 } from '../rotation.ts';
-import { addScaled, pointThrough, scale } from '../vectors.ts';
-import type { Balance, BalanceGap, Slide, Vec2 } from './balance.ts';
+import { addScaled, pointThrough, scale, type Vec3 } from '../rotation.ts';
+import type { Balance, BalanceGap, FootWrench, Slide, Standing, Vec2 } from './balance.ts';
 import { CentreVelocity, follows } from './centre_velocity.ts';
-import { spanOf } from './convex_hull.ts';
 import { FootState } from './foot_state.ts';
-import { marginIn } from './margin.ts';
-import type { FootWrench, Standing } from './standing.ts';
+import { marginIn, spanOf } from './polygon.ts';
 
 /** Standard gravity as a controller would use it, m/s². */
 const GRAVITY = 9.81;

@@ -1,5 +1,4 @@
-import type { Vec3 } from '../rotation.ts';
-import { addScaled, dot, rotateAbout, scale } from '../vectors.ts';
+import { addScaled, dot, rotateAbout, scale, type Vec3 } from '../rotation.ts';
 import type { Slide } from './balance.ts';
 import type { FootState } from './foot_state.ts';
 

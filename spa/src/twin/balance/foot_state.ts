@@ -1,7 +1,5 @@
-import type { Vec3 } from '../rotation.ts';
-import { addScaled, cross, dot, pointThrough, scale } from '../vectors.ts';
-import type { FootBalance } from './balance.ts';
-import type { Foot, FootWrench, SolePlane } from './standing.ts';
+import { addScaled, cross, dot, pointThrough, scale, type Vec3 } from '../rotation.ts';
+import type { Foot, FootBalance, FootWrench, SolePlane } from './balance.ts';
 
 /** A centre of pressure this near to the sole's edge counts as on it, metres. */
 const AT_EDGE_M = 0.005;

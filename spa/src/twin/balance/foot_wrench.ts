@@ -1,8 +1,7 @@
 import { MISSING, type Schema } from '@posecast/wire';
 import { placeOf } from '../names.ts';
 import type { Vec3 } from '../rotation.ts';
-import { FORCE_UNITS, factorAmong, TORQUE_UNITS, type UnitFactors } from '../wrench_units.ts';
-import type { FootWrench } from './standing.ts';
+import type { FootWrench } from './balance.ts';
 
 /** The largest code of a reading. */
 const CODE_MAX = -MISSING - 1;
@@ -80,4 +79,20 @@ export class FootWrenchReader {
       this.#sources.push({ site, part, kind, places, scale, factors, values: [0, 0, 0] });
     return part;
   }
+}
+
+/** Conversion of force and moment units to SI. */
+
+/** The factor that converts a unit to SI. */
+export type UnitFactors = Readonly<Record<string, number>>;
+
+export const FORCE_UNITS: UnitFactors = { N: 1, mN: 1e-3, kN: 1e3 };
+export const TORQUE_UNITS: UnitFactors = { Nm: 1, mNm: 1e-3, Nmm: 1e-3, kNm: 1e3 };
+
+/** The factor that converts a value in `unit` to SI; null if the unit is not in this list. A field without a unit is in its
+ *  default one, which is SI (SPEC §2); a product of newtons and metres may be written with a sign (`N·m`, `N*m`, `N.m`). */
+export function factorAmong(factors: UnitFactors, unit: string): number | null {
+  const name = unit.replace(/N[·*.](?=m)/, 'N');
+  if (name === '') return 1;
+  return Object.hasOwn(factors, name) ? factors[name]! : null;
 }

@@ -1,6 +1,6 @@
 import { JOINT, JointMapping, type Schema } from '@posecast/wire';
-import { JointChannels } from '../joint_channels.ts';
 import { CLOSE_AGAIN } from '../joints.ts';
+import { JointChannels } from '../kinematic_tree.ts';
 import { placeOf } from '../names.ts';
 import { valueAt } from '../values.ts';
 

@@ -1,6 +1,6 @@
 import type { Schema } from '@posecast/wire';
-import { JointChannels } from '../joint_channels.ts';
-import type { Threshold, ValueLimits } from '../limits/limits.ts';
+import { JointChannels } from '../kinematic_tree.ts';
+import type { Threshold, ValueLimits } from '../limits.ts';
 import type { LeadState } from '../robot.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
 import { type Load, type LoadField, type LoadScale, LoadTable } from '../sensors/load.ts';

@@ -1,3 +1,5 @@
+import { remember } from '../../kit.ts';
+
 /**
  * Compares the arrival times of one stream's frames with the robot's timestamps. Pure: it takes timestamps and arrival times, and
  * computes the delay at which the frames can be played smoothly.
@@ -55,12 +57,12 @@ export class Arrivals {
     const numbers = before === undefined ? 1 : Math.max(1, stamp.seq - before.seq);
     this.#lineMs += sinceMs;
     if (moves && this.#moved && before !== undefined) {
-      remember(this.#periods, sinceMs / numbers);
-      remember(this.#moves, this.#moveMs(sinceMs, numbers));
+      remember(this.#periods, sinceMs / numbers, REMEMBERED);
+      remember(this.#moves, this.#moveMs(sinceMs, numbers), REMEMBERED);
     }
     this.#moved = moves;
-    remember(this.#stamps, stamp);
-    remember(this.#offsets, stamp.atMs - this.#lineMs);
+    remember(this.#stamps, stamp, REMEMBERED);
+    remember(this.#offsets, stamp.atMs - this.#lineMs, REMEMBERED);
     this.#judge(); // computed here, once a frame, rather than at every repaint
     return { lineMs: this.#lineMs, moveMs: this.#moveMs(sinceMs, numbers) };
   }
@@ -102,11 +104,6 @@ export class Arrivals {
     const pace = (last.atMs - first.atMs) / ((last.tS - first.tS) * 1000);
     return Math.abs(pace - 1) > OTHER_PACE && Number.isFinite(pace) ? pace : 1;
   }
-}
-
-function remember<T>(list: T[], item: T): void {
-  list.push(item);
-  if (list.length > REMEMBERED) list.shift();
 }
 
 /** The quantile `part` (0…1) of the values by nearest rank; 0 of none. */

@@ -1,6 +1,6 @@
 import type { Schema } from '@posecast/wire';
-import type { FootWrench } from '../balance/standing.ts';
-import { ValueLimits } from '../limits/limits.ts';
+import type { FootWrench } from '../balance/balance.ts';
+import { ValueLimits } from '../limits.ts';
 import { placeOf } from '../names.ts';
 import type { RobotState } from '../robot.ts';
 import type { Quat, Vec3 } from '../rotation.ts';

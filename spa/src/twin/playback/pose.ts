@@ -1,5 +1,5 @@
 import { JointMapping, type Schema } from '@posecast/wire';
-import type { FootWrench } from '../balance/standing.ts';
+import type { FootWrench } from '../balance/balance.ts';
 import { normalizeQuat, type Quat, type Vec3 } from '../rotation.ts';
 import type { Imu } from '../sensors/imus.ts';
 import { valueAt } from '../values.ts';

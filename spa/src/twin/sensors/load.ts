@@ -1,6 +1,6 @@
 import { JOINT, type Level, type Schema, type Threshold } from '@posecast/wire';
 import { type LimitedName, numberOf } from '../joints.ts';
-import { LevelLatch, type ValueLimits, worseOf } from '../limits/limits.ts';
+import { LevelLatch, type ValueLimits, worseOf } from '../limits.ts';
 import { valueAt } from '../values.ts';
 
 export type LoadField = LimitedName;

@@ -1,10 +1,9 @@
 import type { Field, Level, Schema } from '@posecast/wire';
 import { numberOf } from '../joints.ts';
-import { LevelLatch, ValueLimits } from '../limits/limits.ts';
+import { LevelLatch, ValueLimits } from '../limits.ts';
 import { isolated, placeOf } from '../names.ts';
 import { rpyOf, normalizeQuat as unitQuat } from '../rotation.ts';
-import type { ChannelReader } from '../values.ts';
-import { valueAt } from '../values.ts';
+import { type ChannelReader, valueAt } from '../values.ts';
 
 /** One number of a sensor, with its name, unit and newest value. */
 export interface Reading {

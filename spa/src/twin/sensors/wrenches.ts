@@ -1,5 +1,5 @@
 import type { Field, Level, Schema, SensorMount, Threshold } from '@posecast/wire';
-import { LevelLatch, type ValueLimits, worseOf } from '../limits/limits.ts';
+import { LevelLatch, type ValueLimits, worseOf } from '../limits.ts';
 import { isolated, placeOf } from '../names.ts';
 import type { Vec3 } from '../rotation.ts';
 import { valueAt } from '../values.ts';

@@ -2,6 +2,7 @@ import { emptyBox, growBox, type LinkBox } from '../../model/bounds.ts';
 import { MAX_UNPACKED_BYTES } from '../../model/glb.ts';
 import { transform } from '../../model/kinematics.ts';
 import { assembleLod, bytesOf, type Lod, type Primitive } from '../../model/lod.ts';
+import { pointThrough } from '../../model/vectors.ts';
 import type { Paint, PlacedShape } from '../manifest.ts';
 import type { Vector } from '../types.ts';
 import { MeshError } from './stl.ts';
@@ -70,7 +71,7 @@ export class LodBuilder {
       paint: this.#paint(mesh[i]!.paint ?? own ?? UNPAINTED),
     }));
     this.#triangles += pieces.reduce((sum, { index }) => sum + index.length / 3, 0);
-    this.#linkFromMesh.set(transform(moved(linkFromVisual, centre), quat, step), visual * 16);
+    this.#linkFromMesh.set(transform(pointThrough(linkFromVisual, centre), quat, step), visual * 16);
     const linkFromSurface = linkFromVisual.map((part, i) => part * (shape.scale[Math.floor(i / 4)] ?? 1));
     const box = emptyBox();
     for (const { surface } of mesh) growBox(box, surface.positions, linkFromSurface);
@@ -154,11 +155,6 @@ function turnOver(index: Uint32Array): void {
   for (let at = 0; at < index.length; at += 3) {
     [index[at + 1], index[at + 2]] = [index[at + 2]!, index[at + 1]!];
   }
-}
-
-function moved(m: readonly number[], [x, y, z]: Vector): Vector {
-  const row = (i: number) => m[i]! * x + m[i + 4]! * y + m[i + 8]! * z + m[i + 12]!;
-  return [row(0), row(1), row(2)];
 }
 
 function joined<T extends Int16Array | Int8Array>(parts: readonly T[], all: T): T {

@@ -2,8 +2,8 @@ import { expect, it } from 'vitest';
 import { Footprints } from '../../../src/scene/signs/balance/footprints.ts';
 import { Facets, paintsOf } from '../../../src/scene/signs/balance/shapes.ts';
 import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
+import type { Foot } from '../../../src/twin/balance/balance.ts';
 import { Balancer } from '../../../src/twin/balance/balancer.ts';
-import type { Foot } from '../../../src/twin/balance/standing.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
 
 /** The pose of a link, rotated by `yaw` (rad) about the vertical. */

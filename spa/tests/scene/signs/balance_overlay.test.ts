@@ -6,8 +6,7 @@ import { BalanceOverlay } from '../../../src/scene/signs/balance/balance_overlay
 import { Facets } from '../../../src/scene/signs/balance/shapes.ts';
 import type { BalanceStyle } from '../../../src/scene/signs/balance_drawing.ts';
 import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
-import { limitsBy, marginLimits } from '../../../src/twin/balance/margin_limits.ts';
-import { StanceJudge } from '../../../src/twin/balance/stance.ts';
+import { limitsBy, marginLimits, StanceJudge } from '../../../src/twin/balance/stance.ts';
 import type { BalanceReadings } from '../../../src/twin/overlay/reader.ts';
 import type { Pose } from '../../../src/twin/playback/pose.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { NO_EDITS, ValueLimits, withEdit } from '../../../src/twin/limits/limits.ts';
+import { NO_EDITS, ValueLimits, withEdit } from '../../../src/twin/limits.ts';
 import { LoadTable } from '../../../src/twin/sensors/load.ts';
 import { codesWith, SCHEMA } from '../../rigs/schema.ts';
 

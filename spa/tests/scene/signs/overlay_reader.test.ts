@@ -3,7 +3,7 @@ import { describe, expect, it } from 'vitest';
 import { balanceEn } from '../../../src/app/text/late_en.ts';
 import { moreEn } from '../../../src/app/text/more_en.ts';
 import { limitChannels } from '../../../src/twin/alarms/limit_channels.ts';
-import { ValueLimits } from '../../../src/twin/limits/limits.ts';
+import { ValueLimits } from '../../../src/twin/limits.ts';
 import { type OverlayChoice, OverlayReader } from '../../../src/twin/overlay/reader.ts';
 import { codesWith, SCHEMA } from '../../rigs/schema.ts';
 

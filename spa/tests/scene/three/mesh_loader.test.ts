@@ -1,7 +1,7 @@
 // @vitest-environment happy-dom
 import { expect, test, vi } from 'vitest';
 import type { BundleFile } from '../../../src/model/bundle.ts';
-import { factsOf } from '../../../src/model/mesh_facts.ts';
+import { factsOf } from '../../../src/model/report.ts';
 import { MeshLoader, meshKind } from '../../../src/scene/three/mesh_loader.ts';
 import type { Download } from '../../../src/scene/three/raw_bundle.ts';
 import { MeshError } from '../../../src/urdf/meshes/stl.ts';

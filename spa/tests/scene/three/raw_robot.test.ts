@@ -12,7 +12,7 @@ import { SkinnedRobot } from '../../../src/scene/three/skinned_robot.ts';
 import { StaleEffect } from '../../../src/scene/three/stale_effect.ts';
 import { modelOf, UrdfError } from '../../../src/urdf/manifest.ts';
 import { LodBuilder, type PaintedSurface } from '../../../src/urdf/meshes/lod_builder.ts';
-import { ownMesh } from '../../../src/urdf/meshes/own_mesh.ts';
+import { ownMesh } from '../../../src/urdf/meshes/primitives.ts';
 import { weld } from '../../../src/urdf/meshes/weld.ts';
 import { readUrdf } from '../../../src/urdf/reader.ts';
 import { readXml } from '../../../src/urdf/xml.ts';

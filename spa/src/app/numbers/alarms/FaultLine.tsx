@@ -1,6 +1,6 @@
 import { Fragment } from 'react';
-import { firstPaint } from '../../../browser/first_paint.ts';
 import { LatePart } from '../../../browser/late_part.ts';
+import { firstPaint } from '../../../browser/painting.ts';
 import { canKnowFaults, type Fault } from '../../../twin/alarms/fault_log.ts';
 import { formatSpan } from '../../../twin/format.ts';
 import { isThen } from '../../../twin/liveness.ts';

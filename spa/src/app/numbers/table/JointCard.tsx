@@ -2,7 +2,6 @@ import './joint_card.css';
 import { useEffect, useMemo, useRef, useState } from 'react';
 import { manifestAt } from '../../../model/files.ts';
 import { type Manifest, readManifest } from '../../../model/manifest.ts';
-import { limitMargin } from '../../../twin/balance/limit_margin.ts';
 import {
   type Display,
   displayOf,
@@ -10,7 +9,8 @@ import {
   formatClockSeconds,
   formatNumber,
 } from '../../../twin/format.ts';
-import { JointChannels } from '../../../twin/joint_channels.ts';
+import { JointChannels } from '../../../twin/kinematic_tree.ts';
+import { limitMargin } from '../../../twin/limits.ts';
 import { isolated, wordsOfName } from '../../../twin/names.ts';
 import { Poser } from '../../../twin/playback/pose.ts';
 import { FlagTerm } from '../../explain/terms.tsx';

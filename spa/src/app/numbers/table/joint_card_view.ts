@@ -1,7 +1,7 @@
 import type { PastState } from '../../../past/past_types.ts';
 import { type Display, displayOf, formatNumber, formatSpan } from '../../../twin/format.ts';
 import { fieldOfNumber, NUMBERS, type NumberName, numberOf } from '../../../twin/joints.ts';
-import { rangeWords } from '../../../twin/limits/limits.ts';
+import { rangeWords } from '../../../twin/limits.ts';
 import { HISTORY_S, type History, type TraceHistory } from '../../../twin/plots/history.ts';
 import { strip } from '../../../twin/plots/sparkline.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';

@@ -1,6 +1,5 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
-import { recordingUrl } from '../../../relay/recording_address.ts';
-import { relayChoice } from '../../../relay/relay.ts';
+import { recordingUrl, relayChoice } from '../../../relay/relay.ts';
 import { isolated } from '../../../twin/names.ts';
 import { missedMoment, PastBelowBody, useMomentNamed, usePast, useShown } from '../../past/PastBelowBody.tsx';
 import { RobotFigure } from '../../shell/icons.tsx';

@@ -3,7 +3,7 @@ import { useEffect, useState } from 'react';
 import { savesData } from '../../../browser/late_part.ts';
 import { fetchBytes, fetchManifest, fileUrl } from '../../../model/bundle.ts';
 import { thumbnailOf } from '../../../model/manifest.ts';
-import { manifestUrl } from '../../../relay/lane.ts';
+import { manifestUrl } from '../../../relay/addresses.ts';
 import { accounts, home, relayChoice } from '../../../relay/relay.ts';
 import { signInNeeded } from '../../../relay/request.ts';
 import { tokenFor } from '../../../relay/token.ts';

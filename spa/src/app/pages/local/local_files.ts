@@ -1,8 +1,7 @@
 import { isolated } from '../../../twin/names.ts';
 import { filesOf, localFiles } from '../../../urdf/dropped_files.ts';
-import { DropError, type LocalFiles } from '../../../urdf/local_files.ts';
+import { DropError, type LocalFiles, typedPath } from '../../../urdf/local_files.ts';
 import { type LocalRobot, openLocal, urdfsIn } from '../../../urdf/local_robot.ts';
-import { typedPath } from '../../../urdf/other_formats.ts';
 import { more } from '../../text/language.ts';
 import type { OpenedRecording } from '../recording/opened_recording.ts';
 

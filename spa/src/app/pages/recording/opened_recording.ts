@@ -8,7 +8,7 @@ import {
   type RecordingFiles,
 } from '../../../past/recording/recording_files.ts';
 import { type RecordingIndex, readIndex } from '../../../past/recording/recording_index.ts';
-import { early } from '../../../relay/recording_address.ts';
+import { early } from '../../../relay/relay.ts';
 import { request } from '../../../relay/request.ts';
 import type { OfferedFile } from '../../past/save/Outcome.tsx';
 

@@ -5,7 +5,7 @@ import { PastError } from '../../../past/past_source.ts';
 import type { PastControls } from '../../../past/past_types.ts';
 import { OwnTape } from '../../../past/player/tape/own_tape.ts';
 import { type LostParts, RecordingPast } from '../../../past/recording/recording_past.ts';
-import { recordingUrl } from '../../../relay/recording_address.ts';
+import { recordingUrl } from '../../../relay/relay.ts';
 import { nowMs } from '../../../stream/clock.ts';
 import { RobotTwin } from '../../../twin/robot.ts';
 import { type Past, playPast, schedule } from '../../past/past_link.ts';

@@ -2,7 +2,7 @@ import './save.css';
 import { useEffect, useState } from 'react';
 import type { PastSource } from '../../../past/past_source.ts';
 import type { PastControls } from '../../../past/past_types.ts';
-import type { SaveFormat } from '../../../past/save/save_ports.ts';
+import type { SaveFormat } from '../../../past/save/saved_span.ts';
 import { Dialog } from '../../shell/Dialog.tsx';
 import { useText } from '../../text/language.ts';
 import { useSaveText } from '../../text/late.ts';

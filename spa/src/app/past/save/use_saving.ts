@@ -6,7 +6,7 @@ import { readManifest } from '../../../model/manifest.ts';
 import type { PastSource } from '../../../past/past_source.ts';
 import type { Span } from '../../../past/past_types.ts';
 import type { Measure, SavedFile } from '../../../past/save/save.ts';
-import type { ModelFile, SavedModels, SaveFormat, SavePorts } from '../../../past/save/save_ports.ts';
+import type { ModelFile, SavedModels, SaveFormat, SavePorts } from '../../../past/save/saved_span.ts';
 import { useLatePart } from '../../shell/late.tsx';
 
 const MANIFEST_BYTES_MAX = 4_000_000;

@@ -1,15 +1,13 @@
-import { PastError, type PastSource, type SegmentRef } from '../../past_source.ts';
-import type { Span } from '../../past_types.ts';
-import { nameOfRef, readerOf, type SchemaReader, type Tape, TapePart } from './tape.ts';
+import { dropOldest } from '../../../kit.ts';
+import { nameOfRef, PastError, type PastSource, type SegmentRef } from '../../past_source.ts';
+import { DAY_MS, MINUTE_MS, PAGE_MS, type Span } from '../../past_types.ts';
+import { readerOf, type SchemaReader, type Tape, TapePart } from './tape.ts';
 
 /** Delay before retrying after a failure, ms. */
 const RETRY_MS = 2000;
 const SCHEMAS_MAX = 8;
-/** Length of a page of the index or of first poses, ms. */
-export const PAGE_MS = 600_000;
-const DAY_MS = 86_400_000;
 /** Interval between first poses when a whole day is browsed, ms. */
-const COARSE_MS = 60_000;
+const COARSE_MS = MINUTE_MS;
 
 export type LoadState = 'none' | 'loading' | 'ready' | PastError['why'];
 
@@ -95,11 +93,8 @@ export class Loads {
     });
     this.#readers.set(sha256, made);
     made.catch(() => this.#readers.delete(sha256));
-    if (this.#readers.size > SCHEMAS_MAX) {
-      const [oldest] = this.#readers.keys();
-      this.#readers.delete(oldest!);
-      this.#known.delete(oldest!);
-    }
+    dropOldest(this.#readers, SCHEMAS_MAX);
+    dropOldest(this.#known, SCHEMAS_MAX);
     return made;
   }
 

@@ -1,9 +1,9 @@
 import type { EventMessage, RobotStatus, Schema } from '@posecast/wire';
+import { dropOldest, firstPlace, isWithin } from '../../../kit.ts';
 import type { RobotState } from '../../../twin/robot.ts';
-import { isWithin } from '../../../twin/spans.ts';
 import type { Span } from '../../past_types.ts';
 import { type Change, type Happening, nameOf, type Situation, situationAfter } from './happenings.ts';
-import { firstPlace, type TapeFrame } from './tape.ts';
+import type { TapeFrame } from './tape.ts';
 
 /** How far back it goes, ms. */
 const OWN_MS = 60_000;
@@ -74,7 +74,7 @@ export class OwnTape {
     const name = nameOf(event);
     if (this.#events.has(name)) return;
     this.#events.add(name);
-    if (this.#events.size > HAPPENINGS_MAX) this.#events.delete(this.#events.values().next().value!);
+    dropOldest(this.#events, HAPPENINGS_MAX);
     this.#change({ kind: 'event', event }, atMs);
   }
 

@@ -1,17 +1,10 @@
-import type { PastSource, SegmentRef } from '../../past_source.ts';
-import type { Span } from '../../past_types.ts';
+import { firstPlace } from '../../../kit.ts';
+import { nameOfRef, type PastSource, type SegmentRef } from '../../past_source.ts';
+import { PAGE_MS, type Span } from '../../past_types.ts';
 import type { Situation } from './happenings.ts';
-import { type LoadState, type Loads, nameOfDay, PAGE_MS } from './loads.ts';
+import { type LoadState, type Loads, nameOfDay } from './loads.ts';
 import type { Alignment, OwnTape } from './own_tape.ts';
-import {
-  firstPlace,
-  nameOfRef,
-  newestAt,
-  TAPE_BYTES_MAX,
-  type Tape,
-  type TapeFrame,
-  type TapePart,
-} from './tape.ts';
+import { newestAt, TAPE_BYTES_MAX, type Tape, type TapeFrame, type TapePart } from './tape.ts';
 
 /** Maximum clock difference between two recorders of one robot, ms, for merging their frames. */
 export const APART_MS = 1000;

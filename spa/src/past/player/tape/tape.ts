@@ -6,7 +6,8 @@ import {
   type Segment,
   type SegmentRecord,
 } from '@posecast/wire';
-import type { SegmentRef } from '../../past_source.ts';
+import { firstPlace } from '../../../kit.ts';
+import { nameOfRef, type SegmentRef } from '../../past_source.ts';
 import type { PastState, Span } from '../../past_types.ts';
 import { type Happening, type Situation, situationAfter } from './happenings.ts';
 
@@ -123,11 +124,6 @@ function sizeOf(record: SegmentRecord): number {
   return 'info' in record ? [...record.info].reduce((sum, pair) => sum + pair.join('').length, 0) : 0;
 }
 
-/** Identifies a segment among all of a robot's segments. */
-export function nameOfRef({ take, index }: SegmentRef): string {
-  return `${take}/${index}`;
-}
-
 /** The fetched segments, and the order of frames across runs and takes. */
 export class Tape {
   readonly #parts = new Map<string, TapePart>();
@@ -181,32 +177,11 @@ export class Tape {
     return apartMs || a.atMs - b.atMs || (a.runId < b.runId ? -1 : 1);
   }
 
-  /** The index of the first frame after another one in an ordered list; the list's length if there is none. */
-  placeAfter(frames: readonly TapeFrame[], frame: TapeFrame): number {
-    return firstPlace(frames, (each) => this.order(each, frame) > 0);
-  }
-
-  /** The earlier of two frames. */
-  first(a: TapeFrame | null, b: TapeFrame | null): TapeFrame | null {
-    if (a === null || b === null) return a ?? b;
-    return this.order(a, b) <= 0 ? a : b;
-  }
-
+  /** The later of two frames. */
   last(a: TapeFrame | null, b: TapeFrame | null): TapeFrame | null {
     if (a === null || b === null) return a ?? b;
     return this.order(a, b) >= 0 ? a : b;
   }
-}
-
-/** The index of the first item for which `is` holds; it must hold for all later ones too. */
-export function firstPlace<T>(list: readonly T[], is: (each: T) => boolean): number {
-  let [low, high] = [0, list.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (is(list[middle]!)) high = middle;
-    else low = middle + 1;
-  }
-  return low;
 }
 
 /** The newest at or before a moment. */

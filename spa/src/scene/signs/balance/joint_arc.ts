@@ -8,8 +8,8 @@ import {
   rotateAbout,
   scale,
 } from '../../../model/vectors.ts';
-import { limitMargin } from '../../../twin/balance/limit_margin.ts';
 import { coarseDisplay, displayOf, formatNumber } from '../../../twin/format.ts';
+import { limitMargin } from '../../../twin/limits.ts';
 import type { Vec3 } from '../../../twin/rotation.ts';
 import type { BalanceStyle, ShownJoint } from '../balance_drawing.ts';
 import type { OverlayLabel } from '../labels.ts';

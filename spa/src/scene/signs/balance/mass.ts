@@ -1,6 +1,6 @@
 import { addScaled, cross, normalize } from '../../../model/vectors.ts';
 import type { Balance, FootBalance } from '../../../twin/balance/balance.ts';
-import { fromEdge } from '../../../twin/balance/margin.ts';
+import { fromEdge } from '../../../twin/balance/polygon.ts';
 import type { Vec3 } from '../../../twin/rotation.ts';
 import {
   type BalancePaints,

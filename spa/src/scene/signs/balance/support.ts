@@ -1,7 +1,7 @@
 import type { Level } from '@posecast/wire';
 import { addScaled, dot, normalize } from '../../../model/vectors.ts';
 import type { Balance } from '../../../twin/balance/balance.ts';
-import { fromEdge } from '../../../twin/balance/margin.ts';
+import { fromEdge } from '../../../twin/balance/polygon.ts';
 import type { Vec3 } from '../../../twin/rotation.ts';
 import {
   type BalancePaints,

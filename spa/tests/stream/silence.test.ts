@@ -1,6 +1,5 @@
 import { expect, it } from 'vitest';
 import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../../src/twin/liveness.ts';
-import { Frames } from '../rigs/schema.ts';
 import { opened, Rig } from '../rigs/session_rig.ts';
 
 /** What was shown since the last check, and when each pose counts as new. */
@@ -14,51 +13,47 @@ const pings = (rig: Rig) =>
 
 it('after a silence what comes counts as of before it, until the relay has answered', () => {
   const rig = opened();
-  const frames = new Frames();
-  rig.frame(frames.next());
+  rig.next();
   const heardMs = rig.now;
   rig.take();
   rig.now += STALE_AFTER_MS + 1;
-  rig.frame(frames.next());
+  rig.next();
   const [askedMs] = pings(rig);
   expect(askedMs).toBe(rig.now);
   rig.now += 20;
-  rig.frame(frames.next());
+  rig.next();
   expect(born(rig)).toEqual([[3, heardMs]]);
   rig.status({ seq: 3, age_ms: 5 });
   expect(rig.posts('status')).toMatchObject([{ status: { atMs: heardMs } }]);
   rig.pong(askedMs);
-  rig.frame(frames.next());
+  rig.next();
   expect(born(rig)).toEqual([[4, rig.now]]);
 });
 
 it('an answer to an earlier question proves nothing: it lay before all that was on its way', () => {
   const rig = opened();
-  const frames = new Frames();
-  rig.frame(frames.next());
+  rig.next();
   rig.pass(250);
   const [before] = pings(rig);
   const heardMs = rig.now - 250;
   rig.now += STALE_AFTER_MS;
   rig.pong(before);
-  rig.frame(frames.next());
+  rig.next();
   expect(born(rig)).toEqual([[2, heardMs]]);
 });
 
 it('a pause that the page calls LIVE is no silence', () => {
   const rig = opened();
-  const frames = new Frames();
-  rig.frame(frames.next());
+  rig.next();
   rig.take();
   rig.now += STALE_AFTER_MS;
-  rig.frame(frames.next());
+  rig.next();
   expect(born(rig)).toEqual([[2, rig.now]]);
 });
 
 it('once the page has called its pose old, also what comes after a shorter pause counts so until then', () => {
   const rig = opened();
-  const frames = new Frames();
-  rig.frame(frames.next());
+  rig.next();
   const heardMs = rig.now;
   rig.now += STALE_AFTER_MS - 100;
   rig.take();
@@ -66,24 +61,23 @@ it('once the page has called its pose old, also what comes after a shorter pause
   const [askedMs] = pings(rig);
   expect(askedMs).toBe(rig.now);
   rig.now += 20;
-  rig.frame(frames.next());
+  rig.next();
   expect(born(rig)).toEqual([[2, heardMs]]);
   rig.pong(askedMs);
-  rig.frame(frames.next());
+  rig.next();
   expect(born(rig)).toEqual([[3, rig.now]]);
 });
 
 it('what came while the page’s word was on its way to the stream makes nothing younger', () => {
   const rig = opened();
-  const frames = new Frames();
-  rig.frame(frames.next());
+  rig.next();
   const calledOldMs = rig.now;
   rig.now += 5;
-  rig.frame(frames.next());
+  rig.next();
   rig.do(rig.session.doubt(rig.now, calledOldMs));
   rig.take();
   rig.now += 20;
-  rig.frame(frames.next());
+  rig.next();
   expect(born(rig)).toEqual([[3, calledOldMs]]);
 });
 
@@ -118,9 +112,8 @@ it('what a thread that stood still finds of its new connection is of any age', (
   rig.schema();
   const [askedMs] = pings(rig);
   expect(askedMs).toBe(rig.now);
-  const frames = new Frames();
-  rig.frame(frames.next());
-  rig.frame(frames.next());
+  rig.next();
+  rig.next();
   expect(born(rig)).toEqual([
     [1, aliveMs - 20],
     [2, aliveMs],
@@ -143,15 +136,14 @@ it('on events, where nothing can be asked, it connects anew', () => {
 
 it('the first pose after a time without may be of any moment since the newest status', () => {
   const rig = opened();
-  const frames = new Frames();
-  rig.frame(frames.next());
+  rig.next();
   rig.do(rig.session.visibility(rig.now, false));
   rig.now += 900;
   rig.do(rig.session.visibility(rig.now, true));
   rig.take();
-  rig.frame(frames.next());
+  rig.next();
   expect(born(rig)).toEqual([[2, null]]);
-  rig.frame(frames.next());
+  rig.next();
   expect(born(rig)).toEqual([[3, rig.now]]);
 });
 
@@ -160,7 +152,6 @@ it('a KEY that is older than the newest is there to be built upon, and never sho
   rig.open();
   rig.status({ seq: 3 });
   rig.schema();
-  const frames = new Frames();
-  for (let n = 1; n <= 4; n++) rig.frame(frames.next({ 'pos.RKN': n }, n <= 2));
+  for (let n = 1; n <= 4; n++) rig.next({ 'pos.RKN': n }, n <= 2);
   expect(rig.posts('state').map(({ state }) => state.seq)).toEqual([3, 4]);
 });

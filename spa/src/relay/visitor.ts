@@ -1,4 +1,28 @@
+import { readStored, writeStored } from '../browser/storage.ts';
+import { createStore } from '../kit.ts';
 import { asAnyone, setLinkToken } from './token.ts';
+
+/** What this browser keeps of who visits: the account's name, and for a tab its share link's token. */
+
+/** The name of the signed-in account, or null. Kept in this browser, so that the page knows at its next visit whether
+ *  to restore a session. */
+const name = createStore<string | null>(null);
+
+export const accountName = name.get;
+export const onAccountName = name.subscribe;
+
+const ACCOUNT = 'posecast.account';
+
+/** Whether somebody has signed in here before. If not, the code for accounts is not loaded. */
+export function wasSignedIn(): boolean {
+  return readStored(ACCOUNT) !== null;
+}
+
+/** Sets and stores the name and notifies listeners; null when nobody is signed in. */
+export function setAccountName(next: string | null): void {
+  writeStored(ACCOUNT, next);
+  name.set(next);
+}
 
 const STORE = 'posecast.link';
 /** `t` may also be a moment, which is a date, or garbage: a token has its robot between dots. */
