@@ -7,7 +7,7 @@ import { Month } from '../tests/rigs/past_month.ts';
 import { violations } from './axe.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { chipText, liveness, whole } from './robot_page.ts';
+import { chipText, holds, is, testId, whole } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -16,8 +16,6 @@ const stage = setStage({ webgl: false });
 const LAPTOP = { width: 1366, height: 768 };
 const LONG_ENOUGH_S = 14;
 
-const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const has = (page: Page, selector: string) => () =>
   page.evaluate<boolean>(`document.querySelector('${selector}') !== null`);
 const text = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
@@ -66,7 +64,7 @@ async function visit(): Promise<Page> {
   const page = await watched();
   await until('LIVE', is(page, 'LIVE'), 60_000);
   const long = `(() => { const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${LONG_ENOUGH_S}; })()`;
-  await until(`${LONG_ENOUGH_S} s on the line`, () => page.evaluate<boolean>(long), 60_000);
+  await until(`${LONG_ENOUGH_S} s on the line`, holds(page, long), 60_000);
   return page;
 }
 
@@ -138,14 +136,14 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
   // two taps
   await page.press('g');
   const hour = `[...document.querySelectorAll('.moment-hours button')].findLast((each) => each.ariaLabel.includes('yesterday'))`;
-  await until('an hour of yesterday', () => page.evaluate<boolean>(`${hour} !== undefined`), 30_000);
+  await until('an hour of yesterday', holds(page, `${hour} !== undefined`), 30_000);
   await page.evaluate(`${hour}.click()`);
   await until('PAST', is(page, 'PAST'), 30_000);
   await until('yesterday', async () => {
     const agoMs = nowMs - ((await momentMs(page)) ?? nowMs);
     return agoMs > DAY_MS - MIN_MS && agoMs < DAY_MS + 17 * MIN_MS;
   });
-  await until('a pose of then', () => page.evaluate<boolean>('window.posecast.twin.seq !== null'));
+  await until('a pose of then', holds(page, 'window.posecast.twin.seq !== null'));
 
   // a week
   const scale = () => page.evaluate<string>(`${testId('scale')}.value`);

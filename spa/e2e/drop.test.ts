@@ -5,10 +5,9 @@ import { describe, expect, it } from 'vitest';
 import { binaryStl, collada, cubeSoup, MTL, OBJ, triangleGlb } from '../tests/rigs/mesh_samples.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { REPO } from './stack.ts';
+import { holds, there } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const stage = setStage();
 
 const URDF = `<robot name="arm"><link name="base"><visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>
@@ -24,8 +23,7 @@ const rods = (page: Page) =>
     `Object.keys(window.posecast.scene?.linkPoses() ?? {}).filter((name) => name === 'rod').length`,
   );
 
-const chooses = (page: Page) =>
-  until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1);
+const chooses = (page: Page) => until('the list', there(page, 'choose-zip'));
 
 /** A page that shows the list. */
 async function listed(): Promise<Page> {
@@ -100,8 +98,7 @@ describe("a robot from one's own computer", () => {
     })()`);
     await until('a quarter of the way', async () => Math.abs((await ball())![2]! - low - 0.1) < 1e-6);
     expect(await entry()).toMatch(/^Balance\s*This model is shown straight from its files/);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'drop-balance.png'));
+    await page.screenshot('drop-balance.png');
     await page.evaluate(`document.querySelector('[data-testid="local-balance"] input').click()`);
     await until('no ball', async () => (await ball()) === null);
     await page.evaluate(`document.querySelector('[data-testid="local-balance"] input').click()`);
@@ -149,11 +146,10 @@ ${mesh('binary', 'd.glb', 4.5)}
     const text = await page.text();
     expect(text).toContain("link '<img src=x onerror=alert(1)>'");
     expect(text).not.toMatch(/no such file|of link '(base|collada|wavefront|binary)'/);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'drop-zoo.png'));
+    await page.screenshot('drop-zoo.png');
     await page.viewport({ width: 390, height: 844 });
-    await until('room', () => page.evaluate<boolean>('document.body.scrollWidth <= 390'));
-    await page.screenshot(path.join(SHOTS, 'drop-zoo-phone.png'));
+    await until('room', holds(page, 'document.body.scrollWidth <= 390'));
+    await page.screenshot('drop-zoo-phone.png');
     expect(
       await page.evaluate<string[]>(`[...document.querySelectorAll('option')].map((o) => o.value)`),
     ).toEqual(['zoo/zoo.urdf', 'zoo/parts/arm.urdf']);
@@ -223,9 +219,7 @@ ${mesh('binary', 'd.glb', 4.5)}
       Object.defineProperty(input, 'files', { value: [file] });
       input.dispatchEvent(new Event('change', { bubbles: true }));
     })()`);
-    await until('a body', () =>
-      page.evaluate<boolean>(`Object.keys(window.posecast.scene?.linkPoses() ?? {}).length === 2`),
-    );
+    await until('a body', holds(page, `Object.keys(window.posecast.scene?.linkPoses() ?? {}).length === 2`));
     await closed(page);
     const bomb = zipSync({ 'a.stl': new Uint8Array(60_000_000) });
     await page.evaluate(

@@ -1,4 +1,3 @@
-import { mkdirSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
@@ -9,7 +8,6 @@ import { setStage } from './stage.ts';
 const stage = setStage();
 
 const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 describe('those who listen', () => {
   it('are told how the robot is, and when that changes', async () => {
@@ -37,8 +35,7 @@ describe('with the colours of the system', () => {
     await page.open(`${relay.url}/#/r/demo`);
     await until('a body', () => hasSkin(page), 60_000);
     expect(await page.evaluate<boolean>(`matchMedia('(forced-colors: active)').matches`)).toBe(true);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'forced-laptop.png'));
+    await page.screenshot('forced-laptop.png');
     // Shapes cut out of a background must keep their background, or they would be invisible. An SVG's clip cuts a drawing, not a
     // background.
     const lost = await page.evaluate<string[]>(`[...document.querySelectorAll('*')].flatMap((element) => {

@@ -5,7 +5,7 @@ import { CLOUD } from './cloud.ts';
 import { freePort } from './driver/free_port.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness, RECORD } from './robot_page.ts';
+import { holds, is, RECORD } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
@@ -51,7 +51,7 @@ const robot = stage.share(async (stack, newPage) => {
 async function calm() {
   const { source, page } = await robot();
   source.write(JSON.stringify(FINE));
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('no faults', async () => {
     if ((await line(page)) === 'No faults') return true;
     await page.evaluate(`document.querySelector('[data-testid=acknowledge]')?.click()`);
@@ -65,7 +65,7 @@ it('a fault of 30 ms stays until it is acknowledged in this browser, also after 
   const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
   const page = await stage.newPage({ preload: RECORD });
   await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  await until('LIVE', is(page, 'LIVE'));
   await until('no faults', async () => (await line(page)) === 'No faults');
 
   source.write(JSON.stringify({ ...JAMMED, once: true }));
@@ -84,7 +84,7 @@ it('a fault of 30 ms stays until it is acknowledged in this browser, also after 
   await until('no faults', async () => (await line(page)) === 'No faults');
 
   await page.open(`${relay.url}/?third#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  await until('LIVE', is(page, 'LIVE'));
   await until('no faults', async () => (await line(page)) === 'No faults');
 
   source.write(JSON.stringify(JAMMED));
@@ -123,9 +123,7 @@ it('the words of an alarm lead to its moment, as its time does', async (context)
   const { source, page } = await calm();
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   await page.findByRole('tab', /^Alarms/).click();
-  await until('the past is kept', () =>
-    page.evaluate<boolean>('document.querySelectorAll(".alarms .when").length > 1'),
-  );
+  await until('the past is kept', holds(page, 'document.querySelectorAll(".alarms .when").length > 1'));
   const middleOf = (selector: string) =>
     page.evaluate<{ x: number; y: number }>(`(() => {
       const { left, top, width, height } = document.querySelector('${selector}').getBoundingClientRect();
@@ -139,7 +137,7 @@ it('the words of an alarm lead to its moment, as its time does', async (context)
     'its other buttons lie above',
   ).toBe(true);
   await page.click(await middleOf('[data-testid="alarms"] .alarm-words'));
-  await until('PAST', async () => (await liveness(page)) === 'PAST');
+  await until('PAST', is(page, 'PAST'));
   await page.findByTestId('to-live').click();
   await page.findByRole('tab', 'Joints').click();
 });

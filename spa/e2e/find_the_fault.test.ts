@@ -4,7 +4,7 @@ import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness } from './robot_page.ts';
+import { holds, liveness, testId, textOf, there } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
@@ -22,8 +22,6 @@ const CATCH_DOWNLOAD = `(() => {
   };
 })()`;
 
-const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
-const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
 const momentOf = async (page: Page) =>
   /[?&]t=([\d:.TZ-]+)/.exec(await page.evaluate<string>('location.href'))?.[1];
 
@@ -62,7 +60,7 @@ it('the tutorial finds the fault, looks back at it, links to it and saves it', a
 
   told("Press the fault's time in the card");
   const time = `${testId('joint-card')}?.querySelector('button time')`;
-  await until('a past to go to', () => page.evaluate<boolean>(`${time} != null`), 60_000);
+  await until('a past to go to', holds(page, `${time} != null`), 60_000);
   await page.evaluate(`${time}.parentElement.click()`);
   await shows(page, 'PAST');
   await press(page, 'Space');
@@ -82,9 +80,9 @@ it('the tutorial finds the fault, looks back at it, links to it and saves it', a
   await page.press('Escape');
 
   await press(page, 'X');
-  await until('the sheet', async () => (await page.findByTestId('save').count()) === 1);
+  await until('the sheet', there(page, 'save'));
   await page.evaluate(`${testId(`save-${told('**Posecast**').replaceAll('*', '').toLowerCase()}`)}.click()`);
-  await until('measured', () => page.evaluate<boolean>(`${testId('save-go')}?.disabled === false`), 30_000);
+  await until('measured', holds(page, `${testId('save-go')}?.disabled === false`), 30_000);
   await page.evaluate(`${testId('save-go')}.click()`);
   await until('saved', async () => /^Saved: .*\.posecast/.test(await textOf(page, 'save-outcome')), 60_000);
   const bytes = await page.evaluate<string>(`new Promise((resolve) => {

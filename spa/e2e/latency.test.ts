@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
-import { liveness } from './robot_page.ts';
+import { is } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
@@ -26,7 +26,7 @@ describe('from the robot to the browser', () => {
     stage.stack.fedEdge(relay, { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } }, { hz: 30 });
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE', is(page, 'LIVE'));
     await page.evaluate(WATCH_AGES);
     const ages = await until(
       'a hundred frames',

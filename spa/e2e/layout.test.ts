@@ -10,9 +10,8 @@ import { exportPast } from './exported.ts';
 import { Host } from './host.ts';
 import { tooSmall } from './layout/legible.ts';
 import { type Language, lookEverywhere, SIZES, Wrongs } from './layout/sizes.ts';
-import { chipText, liveness } from './robot_page.ts';
+import { chipText, holds, is, there } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
-import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
@@ -53,8 +52,7 @@ function faultyModel(): string {
   return folder;
 }
 
-const has = (page: Page, id: string) =>
-  until(id, async () => (await page.findByTestId(id).count()) > 0, 60_000);
+const has = (page: Page, id: string) => until(id, there(page, id), 60_000);
 const tab = (page: Page, name: string) => page.evaluate(`document.getElementById('tab-${name}').click()`);
 
 it('nothing on the page of a robot lies over anything else, whatever there is to say', async () => {
@@ -76,18 +74,16 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   await has(page, 'model-findings');
   for (const id of ['model-note', 'load-legend', 'signs', 'as-anyone', 'level', 'filter', 'acknowledge'])
     await has(page, id);
-  await until('a joint', () =>
-    page.evaluate<boolean>('document.querySelector("tr[data-label=WST]") !== null'),
-  );
+  await until('a joint', holds(page, 'document.querySelector("tr[data-label=WST]") !== null'));
   source.write(JSON.stringify({ ...demo, pos: { ...still.pos, WST: null, NKY: null } }));
   await has(page, 'unread-note');
   await until('too much', async () => /too much/.test(await chipText(page)), 30_000);
   await lookEverywhere(page, 'LIVE', wrongs, NARROW, slow);
   source.signal('SIGSTOP'); // a moving robot is redrawn all the time, which would slow down every size
-  await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+  await until('STALE', is(page, 'STALE'), 30_000);
   for (const name of ['Sensors', 'Alarms', 'Plots']) {
     await tab(page, name);
-    await until(name, () => page.evaluate<boolean>(`document.querySelector('#panel-${name} > *') !== null`));
+    await until(name, holds(page, `document.querySelector('#panel-${name} > *') !== null`));
     await lookEverywhere(page, name, wrongs, TWO, slow);
   }
   await tab(page, 'Joints');
@@ -97,16 +93,20 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   await page.press('Escape');
 
   await page.findByTestId('play').click();
-  await until('PAST', async () => (await liveness(page)) === 'PAST');
+  await until('PAST', is(page, 'PAST'));
   await lookEverywhere(page, 'past', wrongs, PLAYED, slow);
   await page.findByTestId('to-live').click();
-  await until('STALE', async () => (await liveness(page)) === 'STALE');
+  await until('STALE', is(page, 'STALE'));
 
   await page.findByTestId('jump').click();
   for (const [i, part] of ['moment-days', 'incidents'].entries()) {
-    await until(part, () =>
-      page.evaluate<boolean>(`document.querySelectorAll('.moment-ways input')[${i}]?.click() !== null
-        && document.querySelector('[data-testid=${part}]') !== null`),
+    await until(
+      part,
+      holds(
+        page,
+        `document.querySelectorAll('.moment-ways input')[${i}]?.click() !== null
+        && document.querySelector('[data-testid=${part}]') !== null`,
+      ),
     );
     const some = PLAYED.filter(({ width }) => [360, 844, 1440].includes(width));
     await lookEverywhere(page, part, wrongs, some);
@@ -114,10 +114,9 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   await page.press('Escape');
 
   await relay.process.kill();
-  await until('no connection', () =>
-    page.evaluate<boolean>(
-      `document.querySelector('[data-testid=liveness]').dataset.cause === 'no connection'`,
-    ),
+  await until(
+    'no connection',
+    holds(page, `document.querySelector('[data-testid=liveness]').dataset.cause === 'no connection'`),
   );
   await page.press('?'); // a part that has not been loaded yet
   await has(page, 'not-here');
@@ -154,7 +153,7 @@ it('nor on the other pages', async () => {
     ['embed', 'embed/left?as=anyone#/r/left', '[data-testid=level]:not([hidden])', some],
   ] as const) {
     await page.open(`${relay.url}/${address}`);
-    await until(what, () => page.evaluate<boolean>(`document.querySelector('${there}') !== null`), 60_000);
+    await until(what, holds(page, `document.querySelector('${there}') !== null`), 60_000);
     await lookEverywhere(page, what, wrongs, sizes);
   }
   expect(wrongs.lines).toEqual([]);
@@ -186,40 +185,49 @@ it('nor on the page of a recording, with notes as near to each other as they may
     await has(page, 'note-mark');
     await has(page, 'level');
     await page.evaluate(`[...document.querySelectorAll('[data-testid=note-mark]')].at(-1).click()`);
-    await until('its words', () =>
-      page.evaluate<boolean>(`document.querySelector('[data-testid=note-caption]').textContent.length > 100`),
+    await until(
+      'its words',
+      holds(page, `document.querySelector('[data-testid=note-caption]').textContent.length > 100`),
     );
     await page.press('Home');
     for (let i = 0; i < 3; i += 1) await page.press('l'); // over the part that failed to load
     await page.evaluate(`[...document.querySelectorAll('[data-testid=note-mark]')].at(-1).click()`);
     await lookEverywhere(page, 'recording', wrongs, FEW);
     await page.viewport({ width: 1440, height: 900 });
-    await until('a button that opens it', () =>
-      page.evaluate<boolean>(`(() => {
+    await until(
+      'a button that opens it',
+      holds(
+        page,
+        `(() => {
         document.querySelector('[data-testid=note-caption] button')?.focus();
         return document.activeElement.matches('[data-testid=note-caption] button');
-      })()`),
+      })()`,
+      ),
     );
     await page.press('Enter');
-    await until('all of it', () =>
-      page.evaluate<boolean>(`(() => {
+    await until(
+      'all of it',
+      holds(
+        page,
+        `(() => {
         const caption = document.querySelector('[data-testid=note-caption]');
         const range = document.createRange();
         range.selectNodeContents(caption);
         return range.getBoundingClientRect().bottom <= caption.getBoundingClientRect().bottom;
-      })()`),
+      })()`,
+      ),
     );
     await lookEverywhere(page, 'an opened note', wrongs, TWO);
     await page.press('Escape');
     await page.press('p');
     await has(page, 'present-note');
-    await until('in the address', () => page.evaluate<boolean>('/present/.test(location.hash)'));
+    await until('in the address', holds(page, '/present/.test(location.hash)'));
     await lookEverywhere(page, 'a presented recording', wrongs, FEW);
     expect(await tooSmall(page)).toEqual([]);
     await page.viewport({ width: 390, height: 844 });
     const bodyPx = () => page.evaluate<number>(`document.querySelector('.stage').clientHeight`);
     await until('room for the body', async () => (await bodyPx()) > 150);
-    await page.screenshot(path.join(REPO, 'spa/e2e/shots/recording-presented-long.png'));
+    await page.screenshot('recording-presented-long.png');
     await page.press('p');
     await page.findByTestId('about-button').click();
     await has(page, 'about-recording');
@@ -229,8 +237,9 @@ it('nor on the page of a recording, with notes as near to each other as they may
     await has(page, 'play');
     const noted = new Date(lecture.fromMs + 33_050).toISOString();
     await page.evaluate(`location.hash = '#/?t=${noted}'`);
-    await until('its note', () =>
-      page.evaluate<boolean>(`document.querySelector('[data-testid=note-caption]').textContent.length > 100`),
+    await until(
+      'its note',
+      holds(page, `document.querySelector('[data-testid=note-caption]').textContent.length > 100`),
     );
     await lookEverywhere(page, 'a framed recording', wrongs, [
       ...TWO,

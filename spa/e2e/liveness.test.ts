@@ -1,21 +1,16 @@
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { setTimeout as pause } from 'node:timers/promises';
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
-import { type ChipChange, chips, chipText, liveness, RECORD, whole } from './robot_page.ts';
-import { REPO } from './stack.ts';
+import { type ChipChange, chips, chipText, is, liveness, RECORD, SWINGING, whole } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 import { ClockRobot, WITNESS } from './truth.ts';
 
 const stage = setStage();
 
 /** A swinging knee, because unchanged poses would be HOLDING. */
-const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PHONE = { width: 390, height: 844 };
 
 const word = (change: ChipChange): string => change.state;
@@ -27,12 +22,12 @@ describe('the four words', () => {
     const { source } = robot;
     const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
     await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE', is(page, 'LIVE'));
     const before = (await chips(page)).length; // it may have been OFFLINE if the page opened first
 
     source.signal('SIGSTOP');
     const stoppedMs = Date.now();
-    await until('STALE', async () => (await liveness(page)) === 'STALE');
+    await until('STALE', is(page, 'STALE'));
     expect(await chipText(page)).toMatch(/robot silent/i);
     await pause(4000); // longer than a lease: it must not become OFFLINE, because the edge is running
     expect(await liveness(page)).toBe('STALE');
@@ -42,7 +37,7 @@ describe('the four words', () => {
     console.log(`source stopped: STALE after ${(stale?.atMs ?? 0) - stoppedMs} ms`);
 
     source.signal('SIGCONT');
-    await until('LIVE again', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE again', is(page, 'LIVE'));
     expect(await robot.lies(page)).toEqual([]);
   });
 
@@ -52,19 +47,19 @@ describe('the four words', () => {
     const { edge } = robot;
     const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
     await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE', is(page, 'LIVE'));
     const before = (await chips(page)).length;
 
     edge.signal('SIGSTOP');
     const stoppedMs = Date.now();
-    await until('OFFLINE', async () => (await liveness(page)) === 'OFFLINE');
+    await until('OFFLINE', is(page, 'OFFLINE'));
     const changes = (await chips(page)).slice(before).filter(({ state }) => state !== '');
     expect(changes.map(word)).toEqual(['STALE', 'OFFLINE']);
     const [staleMs, offlineMs] = changes.map((change) => change.atMs - stoppedMs);
     console.log(`edge stopped: STALE after ${staleMs} ms, OFFLINE after ${offlineMs} ms`);
 
     edge.signal('SIGCONT');
-    await until('LIVE again', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE again', is(page, 'LIVE'));
     expect(await robot.lies(page)).toEqual([]);
   });
 
@@ -74,12 +69,12 @@ describe('the four words', () => {
     const { edge } = robot;
     const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
     await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE', is(page, 'LIVE'));
     await until('a body', () => whole(page)); // the edge serves its files
 
     const killedMs = Date.now();
     await edge.kill();
-    await until('OFFLINE', async () => (await liveness(page)) === 'OFFLINE');
+    await until('OFFLINE', is(page, 'OFFLINE'));
     // it may have been OFFLINE before, if the page opened first
     const offline = (await chips(page)).findLast((change) => change.state === 'OFFLINE');
     console.log(`edge killed: OFFLINE after ${(offline?.atMs ?? 0) - killedMs} ms`);
@@ -96,8 +91,7 @@ describe('the four words', () => {
       until(what, async () => word.test(await chipText(page)), 30_000);
     await says('that it sends too much', /^LIVE.*robot sends too much$/);
     const before = (await chips(page)).length; // it may have been OFFLINE if the page opened first
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'over-share-phone.png'));
+    await page.screenshot('over-share-phone.png');
     expect(
       await page.evaluate<boolean>(
         `[...document.querySelectorAll('.chip-warning')].every((words) => words.scrollWidth <= words.clientWidth)`,
@@ -126,7 +120,7 @@ describe('the four words', () => {
     });
     const silent = await stage.newPage({ preload: RECORD });
     await silent.open(`${relay.url}/#/r/demo`);
-    await until('STALE', async () => (await liveness(silent)) === 'STALE');
+    await until('STALE', is(silent, 'STALE'));
     await pause(2500);
     expect((await chips(silent)).map(word)).not.toContain('LIVE');
     expect((await chips(silent)).map(word)).not.toContain('HOLDING');
@@ -135,7 +129,7 @@ describe('the four words', () => {
     await edge.kill();
     const dead = await stage.newPage({ preload: RECORD });
     await dead.open(`${relay.url}/#/r/demo`);
-    await until('OFFLINE', async () => (await liveness(dead)) === 'OFFLINE');
+    await until('OFFLINE', is(dead, 'OFFLINE'));
     await pause(2500);
     const words = (await chips(dead)).map(word);
     expect(words).not.toContain('LIVE');
@@ -149,13 +143,13 @@ describe('the four words', () => {
     try {
       const page = await stage.newPage({ preload: RECORD });
       await page.open(`${link.url}/#/r/demo`);
-      await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+      await until('LIVE', is(page, 'LIVE'));
 
       link.fault({ frozen: true });
-      await until('STALE', async () => (await liveness(page)) === 'STALE');
+      await until('STALE', is(page, 'STALE'));
       expect(await chipText(page)).toMatch(/no connection/i);
       link.heal();
-      await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 30_000);
+      await until('LIVE again', is(page, 'LIVE'), 30_000);
 
       link.cut();
       await until(
@@ -173,15 +167,15 @@ describe('the four words', () => {
     stage.stack.fedEdge(first, SWINGING, { keyInterval: 30 });
     const page = await stage.newPage({ preload: RECORD });
     await page.open(`${first.url}/#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE', is(page, 'LIVE'));
 
     const killedMs = Date.now();
     await first.process.kill();
-    await until('STALE', async () => (await liveness(page)) === 'STALE');
+    await until('STALE', is(page, 'STALE'));
     expect(await chipText(page)).toMatch(/no connection/i);
     await stage.stack.relay({ httpPort: first.port, zenohPort: Number(first.zenoh.split(':').at(-1)) });
     const servingMs = Date.now();
-    await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 30_000);
+    await until('LIVE again', is(page, 'LIVE'), 30_000);
     const live = (await chips(page)).filter((change) => change.state === 'LIVE').at(-1);
     console.log(
       `relay killed: LIVE ${(live?.atMs ?? 0) - killedMs} ms after the kill, ${(live?.atMs ?? 0) - servingMs} ms after it served again`,
@@ -208,13 +202,13 @@ describe('the four words', () => {
         for (const [robot, expected] of Object.entries(said)) {
           const page = await stage.newPage({ preload: RECORD });
           await page.open(`${link.url}/#/r/${robot}`);
-          await until(expected, async () => (await liveness(page)) === expected, 60_000);
+          await until(expected, is(page, expected), 60_000);
           watched.push({ page, robot, expected });
         }
         // a page that opens beside another may need the whole machine: count from when all are up
         const before = new Map<Page, number>();
         for (const { page, expected } of watched) {
-          await until(`${expected} once more`, async () => (await liveness(page)) === expected);
+          await until(`${expected} once more`, is(page, expected));
           before.set(page, (await chips(page)).length);
         }
         await pause(300_000);

@@ -3,7 +3,7 @@ import { describe, expect, it } from 'vitest';
 import { type BuiltFiles, sampleChain, writeBuilt } from './built_model.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { body } from './robot_page.ts';
+import { body, holds } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -16,7 +16,7 @@ const onAir = (relay: Relay, robot: string) =>
   );
 const linkCount = async (page: Page) => Object.keys((await body(page))?.links ?? {}).length;
 const dressed = (page: Page) =>
-  until('shells', () => page.evaluate<boolean>(`performance.getEntriesByName('posecast:skin').length > 0`));
+  until('shells', holds(page, `performance.getEntriesByName('posecast:skin').length > 0`));
 
 /** Bytes that this page has downloaded for the model. */
 const modelBytes = (page: Page, file = '') =>
@@ -53,10 +53,9 @@ describe('a model', () => {
     await page.open(`${relay.url}/#/r/demo`);
     await dressed(page);
     expect(await modelBytes(page)).toBeGreaterThan(1000);
-    await until('kept', () =>
-      page.evaluate<boolean>(
-        `caches.open('posecast-levels-1').then(async (c) => (await c.keys()).length === 1)`,
-      ),
+    await until(
+      'kept',
+      holds(page, `caches.open('posecast-levels-1').then(async (c) => (await c.keys()).length === 1)`),
     );
     await page.open('about:blank');
     await page.open(`${relay.url}/#/r/demo`);

@@ -1,14 +1,10 @@
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { shownSeq } from './robot_page.ts';
-import { REPO } from './stack.ts';
+import { holds, shownSeq } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 const WALKS = {
   cur: { RKN: 1, LKN: 1 },
@@ -54,12 +50,16 @@ async function opened(): Promise<Page> {
 it.skipIf(!FULL)('a cell dragged onto their tab becomes a plot', async (context) => {
   stage.needs(context, 'drops');
   const page = await opened();
-  await until('its row on top', () =>
-    page.evaluate<boolean>(`(() => {
+  await until(
+    'its row on top',
+    holds(
+      page,
+      `(() => {
       document.querySelector('.table-room').scrollTop = 0;
       const rows = [...document.querySelectorAll('.joints tbody tr')].slice(0, 3);
       return rows.some((row) => row.dataset.label === 'RKN');
-    })()`),
+    })()`,
+    ),
   );
   const plotted = async () => (await named(page)).join() === 'RKN cur';
   await until('the plot', async () => {
@@ -89,8 +89,7 @@ it.skipIf(!FULL)(
     const position = async () => (await traces(page)).find(([name]) => name === 'RKN pos')?.[1];
     const first = await until('a number', position);
     await until('it moves', async () => (await position()) !== first);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'plots-laptop.png'));
+    await page.screenshot('plots-laptop.png');
 
     await page.findByTestId('plot-pause').click();
     await until('paused', async () => (await page.findByTestId('plots').attribute('data-paused')) === 'true');
@@ -104,8 +103,9 @@ it.skipIf(!FULL)(
     return { x: right - 4, y: top + height / 2 };
   })()`);
     await page.click(over);
-    await until('when it was', () =>
-      page.evaluate<boolean>('/ago$/.test(document.querySelector(".panel .plot-time").textContent)'),
+    await until(
+      'when it was',
+      holds(page, '/ago$/.test(document.querySelector(".panel .plot-time").textContent)'),
     );
 
     await page.findByTestId('plot-csv').click();
@@ -127,10 +127,8 @@ it.skipIf(!FULL)(
 
     await page.viewport({ width: 390, height: 844 });
     await page.findByRole('button', 'Expand the numbers').click();
-    await until('room', () =>
-      page.evaluate<boolean>('document.querySelector(".panel .plot .u-over")?.clientWidth < 360'),
-    );
-    await page.screenshot(path.join(SHOTS, 'plots-phone.png'));
+    await until('room', holds(page, 'document.querySelector(".panel .plot .u-over")?.clientWidth < 360'));
+    await page.screenshot('plots-phone.png');
   },
   240_000,
 );

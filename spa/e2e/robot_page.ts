@@ -15,6 +15,23 @@ export interface Body {
   readonly links: Readonly<Record<string, readonly number[]>>;
 }
 
+/** A knee that swings: an unchanged pose would be HOLDING. */
+export const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
+
+/** An expression for the element with this test id. */
+export const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
+/** All of its text, visible or not; '' if there is no such element. */
+export const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
+
+// Probes for `until`.
+export const is =
+  (page: Page, ...words: readonly string[]) =>
+  async () =>
+    words.includes(await liveness(page));
+export const there = (page: Page, id: string) => async () => (await page.findByTestId(id).count()) > 0;
+export const gone = (page: Page, id: string) => async () => (await page.findByTestId(id).count()) === 0;
+export const holds = (page: Page, expression: string) => () => page.evaluate<boolean>(expression);
+
 /** Runs before the page's own scripts: records every change of every liveness chip and every frame that the table shows. */
 export const RECORD = `(() => {
   const chips = [], rows = new Map();

@@ -1,15 +1,14 @@
-import { existsSync, mkdirSync, readFileSync } from 'node:fs';
+import { existsSync, readFileSync } from 'node:fs';
 import path from 'node:path';
 import { setTimeout as pause } from 'node:timers/promises';
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
 import { body, renderedFrames } from './robot_page.ts';
 import { buildModel, canBuild, SHARED_ROBOTS } from './shared_robots.ts';
-import { forwardKinematics, REPO } from './stack.ts';
+import { forwardKinematics } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const ONE_MM = 0.001;
 
 interface Manifest {
@@ -66,13 +65,12 @@ describe.skipIf(!FULL || !canBuild())(
             'the second level',
             () => second === undefined || page.requested.some((url) => url.endsWith(`/${second}`)),
           );
-          mkdirSync(SHOTS, { recursive: true });
           for (const side of ['Reset the view', 'front', 'side', 'top']) {
             const before = await renderedFrames(page);
             await page.findByRole('button', side).click();
             await until('a picture', async () => (await renderedFrames(page)) > before);
             await pause(1500); // the camera eases, in software-rendered pictures
-            await page.screenshot(path.join(SHOTS, `built-${name}-${side.split(' ').at(-1)}.png`));
+            await page.screenshot(`built-${name}-${side.split(' ').at(-1)}.png`);
           }
           const calls = await page.evaluate<number>('window.posecast.scene.drawCalls');
           console.log(

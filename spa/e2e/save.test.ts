@@ -1,5 +1,5 @@
 import { execFile } from 'node:child_process';
-import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { readFileSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { promisify } from 'node:util';
 import { decodeRecording, decodeSegment, type PastRecording } from '@posecast/wire';
@@ -9,14 +9,13 @@ import { violations } from './axe.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { showIn } from './layout/sizes.ts';
-import { liveness, whole } from './robot_page.ts';
+import { gone, is, liveness, testId, textOf, there, whole } from './robot_page.ts';
 import { REPO, type Relay } from './stack.ts';
 import { FULL, type Stage, setStage } from './stage.ts';
 
 const stage = setStage();
 const run = promisify(execFile);
 
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PHONE = { width: 390, height: 844 };
 const LAPTOP = { width: 1440, height: 900 };
 const LONG_ENOUGH_S = 12;
@@ -38,14 +37,11 @@ const CATCH_DOWNLOADS = `(() => {
   };
 })()`;
 
-const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
-const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
-
 /** A page that looks back on the demo robot, with some seconds of past. */
 async function lookBack(relay: Relay, newPage: Stage['newPage'] = stage.newPage): Promise<Page> {
   const page = await newPage({ preload: CATCH_DOWNLOADS, viewport: LAPTOP });
   await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('a body', () => whole(page), 60_000);
   const has = `(() => {
     const track = ${testId('track')};
@@ -61,7 +57,7 @@ const isPast = (page: Page) =>
   until('PAST', async () => {
     if ((await liveness(page)) === 'PAST') return true;
     await page.findByTestId('play').click();
-    return until('PAST', async () => (await liveness(page)) === 'PAST', 3000).catch(() => false);
+    return until('PAST', is(page, 'PAST'), 3000).catch(() => false);
   });
 
 const robot = stage.share(async (stack, newPage) => {
@@ -106,11 +102,10 @@ it.each([LAPTOP, PHONE])(
     const { relay, page } = await robot();
     await page.viewport(viewport);
     await isPast(page);
-    mkdirSync(SHOTS, { recursive: true });
     await until('a button that saves', () => page.findByTestId('save-button').visible());
-    await page.screenshot(path.join(SHOTS, `save-button-${viewport.width}.png`));
+    await page.screenshot(`save-button-${viewport.width}.png`);
     await openSheet(page);
-    await page.screenshot(path.join(SHOTS, `save-${viewport.width}.png`));
+    await page.screenshot(`save-${viewport.width}.png`);
     expect(await violations(page)).toEqual([]);
 
     const table = await save(page, 'csv');
@@ -135,11 +130,11 @@ it.each([LAPTOP, PHONE])(
     const model = `models/${recording.models[0]}/`;
     const manifest = JSON.parse(new TextDecoder().decode(files[`${model}manifest.json`]));
     for (const { path: file, size } of manifest.files) expect(files[model + file]?.length, file).toBe(size);
-    await page.screenshot(path.join(SHOTS, `saved-${viewport.width}.png`));
+    await page.screenshot(`saved-${viewport.width}.png`);
     // the same bytes at any size
     if (viewport === LAPTOP) await convertsToExports(relay, recorded.bytes, recording);
     await page.press('Escape');
-    await until('no sheet', async () => (await page.findByTestId('save').count()) === 0);
+    await until('no sheet', gone(page, 'save'));
   },
   240_000,
 );
@@ -149,7 +144,7 @@ it('saves from one moment to another, says what is too much, and what can’t be
   stage.stack.edge(relay);
   const page = await lookBack(relay);
   await page.press('x');
-  await until('the sheet', async () => (await page.findByTestId('save').count()) === 1);
+  await until('the sheet', there(page, 'save'));
   await page.evaluate(`${testId('save-span-custom')}.click()`);
   const enter = (end: string, ms: number) =>
     page.evaluate(`(() => {
@@ -169,7 +164,7 @@ it('saves from one moment to another, says what is too much, and what can’t be
   await until('nothing', async () => /an end after it/.test(await measure()));
   await enter('from', toMs - 2000);
   await until('two seconds', async () => /:\d\d[3-7]\d frames, about/.test(await measure()));
-  await page.screenshot(path.join(SHOTS, 'save-custom.png'));
+  await page.screenshot('save-custom.png');
   const { bytes } = await save(page, 'csv');
   const lines = new TextDecoder().decode(bytes).trimEnd().split('\r\n').length;
   expect(lines).toBeGreaterThan(30);
@@ -191,7 +186,6 @@ it('has room for the sheet at every size, in both languages and themes', async (
   const relay = await stage.stack.relay({ past: 'memory:' });
   stage.stack.edge(relay);
   const page = await lookBack(relay);
-  mkdirSync(SHOTS, { recursive: true });
   for (const [language, theme] of [
     ['en', 'dark'],
     ['ko', 'light'],
@@ -200,7 +194,7 @@ it('has room for the sheet at every size, in both languages and themes', async (
   ] as const) {
     await showIn(page, language, theme);
     await page.press('x');
-    await until('the sheet', async () => (await page.findByTestId('save').count()) === 1);
+    await until('the sheet', there(page, 'save'));
     await page.evaluate(`${testId('save-span-custom')}.click()`);
     for (const [width, height] of [
       [390, 844],
@@ -214,11 +208,11 @@ it('has room for the sheet at every size, in both languages and themes', async (
         () => page.evaluate<boolean>(`${testId('save-go')}?.disabled === false`),
         30_000,
       );
-      await page.screenshot(path.join(SHOTS, `save-${language}-${theme}-${width}.png`));
+      await page.screenshot(`save-${language}-${theme}-${width}.png`);
       expect(await violations(page), `${language} ${theme} ${width}`).toEqual([]);
     }
     await page.press('Escape');
-    await until('no sheet', async () => (await page.findByTestId('save').count()) === 0);
+    await until('no sheet', gone(page, 'save'));
   }
 }, 240_000);
 

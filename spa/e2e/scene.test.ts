@@ -3,7 +3,7 @@ import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
 import { poseMatches } from './pose_check.ts';
-import { body, drawsNothing, finest, liveness, renderedFrames, resting, shownSeq } from './robot_page.ts';
+import { body, drawsNothing, finest, is, liveness, renderedFrames, resting, shownSeq } from './robot_page.ts';
 import { REPO, SHARED } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
@@ -61,7 +61,7 @@ describe('the body', () => {
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/demo`);
     await until('a body', async () => (await renderedFrames(page)) > 0, 60_000);
-    await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
+    await until('HOLDING', is(page, 'HOLDING'), 30_000);
     await until('the camera has come to rest', () => resting(page));
     await until('the finest shells', () => finest(page), 60_000);
     await until('at rest again', () => resting(page));

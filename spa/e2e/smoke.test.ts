@@ -1,16 +1,14 @@
-import { mkdirSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
 import { engineName } from './driver/engines.ts';
 import { until } from './driver/until.ts';
 import { poseMatches } from './pose_check.ts';
-import { cellNumber, hasSkin, liveness, RECORD, resting, shownPositions, shownSeq } from './robot_page.ts';
+import { cellNumber, hasSkin, is, RECORD, resting, shownPositions, shownSeq } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage({ paints: true });
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
 /** Three decimals are shown. */
 const HALF_DIGIT = 0.0005 + 1e-9;
@@ -24,7 +22,7 @@ describe('the whole path', () => {
     const page = await stage.newPage({ preload: `${RECORD};${COUNT_DRAWS}` });
     await page.open(`${relay.url}/`);
     await page.findByRole('link', /demo/i).click();
-    await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
+    await until('LIVE', is(page, 'LIVE', 'HOLDING'));
 
     const shown = await until('frames that the tap has too', async () => {
       const rows = [...(await shownPositions(page))].filter(([seq]) => tap.frame(seq) !== undefined);
@@ -43,11 +41,10 @@ describe('the whole path', () => {
     const first = await poseMatches(page, edge, tap, URDF);
     await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > first + 30);
     expect(await poseMatches(page, edge, tap, URDF)).toBeGreaterThan(first);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, `smoke-${engineName()}.png`));
+    await page.screenshot(`smoke-${engineName()}.png`);
 
     edge.signal('SIGSTOP');
-    await until('it stands still', async () => ['STALE', 'OFFLINE'].includes(await liveness(page)));
+    await until('it stands still', is(page, 'STALE', 'OFFLINE'));
     await until('the colour has drained', () => resting(page), 60_000);
     const calls = await drawCalls(page);
     edge.signal('SIGCONT');

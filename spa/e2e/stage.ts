@@ -1,11 +1,13 @@
 /** The basis of every browser test: one browser for the files of a process, one stack and fresh pages per test, and rules that no
  *  page may break. */
 
+import { mkdirSync } from 'node:fs';
+import path from 'node:path';
 import { afterAll, afterEach, beforeAll, beforeEach, expect, type TestContext } from 'vitest';
 import { CLOUD } from './cloud.ts';
 import { keepBrowser } from './driver/engines.ts';
 import type { Ability, Browser, BrowserOptions, Page, PageOptions } from './driver/page.ts';
-import { Stack } from './stack.ts';
+import { REPO, Stack } from './stack.ts';
 
 /** Whether to run the slow tests as well: `make test-full`. */
 export const FULL = process.env.POSECAST_FULL === '1';
@@ -29,6 +31,10 @@ const KEEP_3D = `(() => {
     if (localStorage.getItem('posecast.settings') === null) localStorage.setItem('posecast.settings', '{"body":"3d"}');
   } catch {} // no storage here
 })()`;
+
+/** Where pages save their pictures, unless a test names another folder. */
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+mkdirSync(SHOTS, { recursive: true });
 
 /** Whether pages draw the body's pixels though no test reads them: for screenshots to look at. */
 const PAINTED = FULL || process.env.POSECAST_PAINTED === '1';
@@ -86,7 +92,10 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
   async function openPage(pageOptions: PageOptions): Promise<Page> {
     const preload = `${KEEP_3D};${paints ? '' : UNPAINTED};${pageOptions.preload ?? ''}`;
     const page = await stage.browser.newPage({ ...pageOptions, preload });
-    if (!paints) page.screenshot = async () => undefined; // it would have no body
+    const shoot = page.screenshot.bind(page);
+    page.screenshot = async (name) => {
+      if (paints) await shoot(path.resolve(SHOTS, name)); // otherwise it would have no body
+    };
     return page;
   }
 

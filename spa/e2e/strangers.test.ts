@@ -5,13 +5,11 @@ import { describe, expect, it } from 'vitest';
 import { en } from '../src/app/text/en.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { chipText, liveness } from './robot_page.ts';
+import { chipText, holds, is, SWINGING, there } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
-const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const text = (page: Page, selector: string) =>
   page.evaluate<string>(`document.querySelector(${JSON.stringify(selector)})?.textContent ?? ''`);
 const note = (page: Page) => text(page, '[data-testid=stage-note]');
@@ -66,7 +64,7 @@ describe.skipIf(!FULL)('an address', () => {
       await until('said so', async () => (await text(page, '.broken')).includes('Nothing here'), 30_000);
       expect(await page.evaluate<boolean>('window.bitten === undefined')).toBe(true);
       await page.findByRole('link', 'All robots').click();
-      await until('the list', async () => (await page.findByTestId('no-robots').count()) === 1);
+      await until('the list', there(page, 'no-robots'));
     },
   );
 });
@@ -85,7 +83,7 @@ describe.skipIf(!FULL)('a robot', () => {
     await until('said so', async () => (await note(page)).startsWith('Offline since'));
     expect(await text(page, 'td[data-field=pos]'), 'its last pose is still to be read').toMatch(/\d/);
     await page.findByRole('link', 'All robots').click();
-    await until('the new name', async () => (await page.findByTestId('robot-new').count()) === 1, 30_000);
+    await until('the new name', there(page, 'robot-new'), 30_000);
     await page.findByTestId('robot-new').click();
     await until('LIVE', is(page, 'LIVE'), 30_000);
   });
@@ -141,7 +139,7 @@ describe.skipIf(!FULL)('a robot', () => {
     await whole('page');
     await page.press('Escape');
     await page.press('s');
-    await until('the sheet', async () => (await page.findByTestId('share').count()) === 1);
+    await until('the sheet', there(page, 'share'));
     const frame = await page.evaluate<string>(
       `[...document.querySelectorAll('[data-testid=share] code')].at(-1).textContent`,
     );
@@ -214,7 +212,7 @@ it.skipIf(!FULL)('a fault of 30 ms reaches a viewer who may have one pose a seco
   const page = await stage.newPage();
   await page.open(`${relay.url}/#/r/demo`);
   await until('LIVE', is(page, 'LIVE'), 30_000);
-  await until('one pose a second', () => page.evaluate<boolean>('window.posecast.link.granted_hz === 1'));
+  await until('one pose a second', holds(page, 'window.posecast.link.granted_hz === 1'));
   const line = () => text(page, '[data-testid=fault-line]');
   await until('no faults', async () => (await line()) === 'No faults');
   for (let n = 0; n < 3; n += 1) {

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
-import { cellNumber, liveness, RECORD, shownPositions, shownSeq } from './robot_page.ts';
+import { cellNumber, holds, is, RECORD, shownPositions, shownSeq } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
@@ -71,7 +71,7 @@ describe('the table', () => {
     expect(ofBody(), 'no 3D before a robot is chosen').toEqual([]);
     await card.click();
     await until('3D is asked for', async () => ofBody().length > 0);
-    await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
+    await until('LIVE', is(page, 'LIVE', 'HOLDING'));
   });
 
   it('fits a phone', async () => {
@@ -79,7 +79,7 @@ describe('the table', () => {
     const page = await stage.newPage({ viewport: { width: 390, height: 844 } });
     await page.open(`${relay.url}/#/r/demo`);
     await until('numbers', async () => (await shownSeq(page)) !== null);
-    await until('cells', () => page.evaluate<boolean>('document.querySelector("[data-field=pos]") !== null'));
+    await until('cells', holds(page, 'document.querySelector("[data-field=pos]") !== null'));
     const wide = await page.evaluate<number>('document.documentElement.scrollWidth');
     expect(wide).toBeLessThanOrEqual(390);
     const sparePx = await page.evaluate<number>(`(() => {
@@ -121,22 +121,30 @@ describe('the table', () => {
       [1366, 768],
     ] as const) {
       await page.viewport({ width, height });
-      await until(`names at ${width}`, () =>
-        page.evaluate<boolean>(`(() => {
+      await until(
+        `names at ${width}`,
+        holds(
+          page,
+          `(() => {
           const names = [...document.querySelectorAll('.joints tbody button')];
           return new Set(names.map(({ textContent }) => textContent)).size === ${joints.length}
             && names.every(({ parentElement: { scrollWidth, clientWidth } }) => scrollWidth <= clientWidth)
             && names[0].textContent.includes('…');
-        })()`),
+        })()`,
+        ),
       );
       expect(await page.evaluate<number>('document.documentElement.scrollWidth')).toBeLessThanOrEqual(width);
     }
     await page.findByRole('button', joints[7]!).click();
-    await until('the whole name', () =>
-      page.evaluate<boolean>(`(() => {
+    await until(
+      'the whole name',
+      holds(
+        page,
+        `(() => {
         const name = document.querySelector('[data-testid=joint-card] h2');
         return name?.textContent === '${joints[7]}' && name.scrollWidth <= name.clientWidth;
-      })()`),
+      })()`,
+      ),
     );
   });
 

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness, shownSeq } from './robot_page.ts';
+import { is, shownSeq } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -36,7 +36,7 @@ describe('a page that nobody sees', () => {
     const relay = await demo();
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 30_000);
+    await until('LIVE', is(page, 'LIVE'), 30_000);
     // A headless browser has no other tab to bring to the front, so the page is told that there is one.
     const hide = (hidden: boolean) =>
       page.evaluate(`(() => {
@@ -50,7 +50,7 @@ describe('a page that nobody sees', () => {
     expect((await shownSeq(page)) ?? -1, 'poses while hidden').toBeLessThanOrEqual(stood + 5);
     await hide(false);
     await comesBack(page, relay, 'window', stood);
-    await until('LIVE again', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE again', is(page, 'LIVE'));
   });
 
   it('in an iframe that is scrolled away asks for no poses, and comes back with the newest', async () => {

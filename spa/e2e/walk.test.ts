@@ -1,4 +1,4 @@
-import { existsSync, mkdirSync } from 'node:fs';
+import { existsSync } from 'node:fs';
 import path from 'node:path';
 import { setTimeout as pause } from 'node:timers/promises';
 import { describe, expect, it } from 'vitest';
@@ -14,7 +14,6 @@ const TRAJECTORY = path.join(SHARED, 'trajectories/hubo2plus_walk/walking_traj/w
 const PROFILE = path.join(REPO, 'edge-agent/src/posecast_edge/profiles/hubo2plus.toml');
 /** From each side. */
 const PICTURES = 3;
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 /** Heights of the two feet, metres, of one instant. */
 interface Feet {
@@ -34,7 +33,6 @@ describe.skipIf(!FULL || !existsSync(URDF) || !existsSync(TRAJECTORY))('Hubo 2+ 
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/hubo`);
     await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 60_000);
-    mkdirSync(SHOTS, { recursive: true });
 
     const feet: Feet[] = [];
     let pictures = 0;
@@ -52,7 +50,7 @@ describe.skipIf(!FULL || !existsSync(URDF) || !existsSync(TRAJECTORY))('Hubo 2+ 
           const side = pictures % 2 === 0 ? 'front' : 'side';
           await page.findByRole('button', side).click();
           await pause(1500); // the camera eases for 250 ms, rendered in software
-          await page.screenshot(path.join(SHOTS, `walk-${String(pictures++).padStart(2, '0')}-${side}.png`));
+          await page.screenshot(`walk-${String(pictures++).padStart(2, '0')}-${side}.png`);
         }
         knees = Math.max(knees, await page.evaluate<number>('window.posecast.twin.value("pos", "RKN") ?? 0'));
         const up = (foot: 'left' | 'right', other: 'left' | 'right'): boolean =>
