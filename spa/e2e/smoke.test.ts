@@ -8,8 +8,10 @@ import { cellNumber, hasSkin, is, RECORD, resting, shownPositions, shownSeq } fr
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
-const stage = setStage({ paints: true });
+const stage = setStage();
 const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
+/** Software fills them, once the robot stands still. */
+const FEW_PIXELS = { width: 900, height: 360 };
 /** Three decimals are shown. */
 const HALF_DIGIT = 0.0005 + 1e-9;
 
@@ -19,7 +21,7 @@ describe('the whole path', () => {
     const relay = await stage.stack.relay();
     const tap = stage.stack.tap(relay);
     const edge = stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: `${RECORD};${COUNT_DRAWS}` });
+    const page = await stage.newPage({ preload: `${RECORD};${COUNT_DRAWS}`, viewport: FEW_PIXELS });
     await page.open(`${relay.url}/`);
     await page.findByRole('link', /demo/i).click();
     await until('LIVE', is(page, 'LIVE', 'HOLDING'));
@@ -29,7 +31,7 @@ describe('the whole path', () => {
       return rows.length >= 5 ? rows : null;
     });
     for (const [seq, cells] of shown) {
-      expect(Object.keys(cells).length, `rows of frame ${seq}`).toBeGreaterThan(5);
+      expect(Object.keys(cells).length, `rows of frame ${seq}`).toBeGreaterThan(3);
       for (const [joint, cell] of Object.entries(cells)) {
         const value = tap.frame(seq)?.values.pos?.[joint] ?? null;
         const far = Math.abs((cellNumber(cell) ?? Number.NaN) - (value ?? Number.NaN));
@@ -41,14 +43,16 @@ describe('the whole path', () => {
     const first = await poseMatches(page, edge, tap, URDF);
     await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > first + 30);
     expect(await poseMatches(page, edge, tap, URDF)).toBeGreaterThan(first);
-    await page.screenshot(`smoke-${engineName()}.png`);
 
     edge.signal('SIGSTOP');
     await until('it stands still', is(page, 'STALE', 'OFFLINE'));
     await until('the colour has drained', () => resting(page), 60_000);
+    await page.evaluate('window.painting = true');
     const calls = await drawCalls(page);
+    await page.screenshot(`smoke-${engineName()}.png`);
     edge.signal('SIGCONT');
     console.log(`${stage.browser.engine} ${stage.browser.version}: ${JSON.stringify(calls)} draw calls`);
+    expect(calls.colors, 'a body in light and shade').toBeGreaterThan(100);
     expect(calls.bones).toBe(1);
     expect(calls.all).toBe(calls.three); // nothing is split in transit
     expect(calls.all).toBeLessThanOrEqual(20);

@@ -39,11 +39,20 @@ mkdirSync(SHOTS, { recursive: true });
 /** Whether pages draw the body's pixels though no test reads them: for screenshots to look at. */
 const PAINTED = FULL || process.env.POSECAST_PAINTED === '1';
 
-/** Everything about 3D is real but its pixels: software needs a core to fill them, and hardly any test looks at them. Nor at
- *  sixty pictures a second: one each 60 ms is as on a slow phone. */
+/** Everything about 3D is real but its pixels: software needs a core to fill them, and hardly any test looks at them. A page
+ *  fills them once `window.painting` is true. */
 const UNPAINTED = `(() => {
-  const names = ['clear', 'drawArrays', 'drawElements', 'drawRangeElements', 'drawArraysInstanced', 'drawElementsInstanced'];
-  for (const name of names) (window.WebGL2RenderingContext?.prototype ?? {})[name] = () => {};
+  const gl = window.WebGL2RenderingContext?.prototype ?? {};
+  for (const name of ['clear', 'drawArrays', 'drawElements', 'drawRangeElements', 'drawArraysInstanced', 'drawElementsInstanced']) {
+    const draw = gl[name];
+    gl[name] = function (...how) {
+      if (window.painting) draw.apply(this, how);
+    };
+  }
+})()`;
+
+/** Nor at sixty pictures a second: one each 60 ms is as on a slow phone. */
+const SELDOM = `(() => {
   const request = window.requestAnimationFrame.bind(window), cancel = window.cancelAnimationFrame.bind(window);
   const waiting = new Map();
   let last = 0;
@@ -90,7 +99,8 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
   }
 
   async function openPage(pageOptions: PageOptions): Promise<Page> {
-    const preload = `${KEEP_3D};${paints ? '' : UNPAINTED};${pageOptions.preload ?? ''}`;
+    const rate = PAINTED || process.env.POSECAST_WRITE_PICTURES === '1' ? '' : SELDOM;
+    const preload = `${KEEP_3D};${paints ? '' : UNPAINTED};${rate};${pageOptions.preload ?? ''}`;
     const page = await stage.browser.newPage({ ...pageOptions, preload });
     const shoot = page.screenshot.bind(page);
     page.screenshot = async (name) => {
