@@ -12,7 +12,7 @@ const swinging = stage.share(async (stack) => {
   stack.fedEdge(relay, SWINGING);
   return relay;
 });
-const LOOKS = 40;
+const LOOKS = 15;
 /** The browser's message about a WebSocket that a proxy has turned into an ordinary request, or that does not open in time. */
 const NO_UPGRADE = /WebSocket|status of 40\d/;
 

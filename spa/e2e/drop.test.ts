@@ -25,10 +25,16 @@ const rods = (page: Page) =>
 
 const chooses = (page: Page) => until('the list', there(page, 'choose-zip'));
 
+const opened = stage.share(async (stack, newPage) => {
+  const relay = await stack.relay();
+  return { relay, page: await newPage() };
+});
+
 /** A page that shows the list. */
 async function listed(): Promise<Page> {
-  const relay = await stage.stack.relay();
-  const page = await stage.newPage();
+  const { relay, page } = await opened();
+  await page.viewport({ width: 1280, height: 800 });
+  await page.open('about:blank');
   await page.open(`${relay.url}/#/`);
   await chooses(page);
   return page;

@@ -128,7 +128,7 @@ it('an arrow that moves explains itself, green and all, by a tap 15 px beside it
   await until('shells', () => finest(page), 60_000);
   await until('arrows', async () => (await signs(page)).wrenches.length === 4);
   const seen: Point[] = [];
-  for (let moment = 0; moment < 4; moment++) {
+  for (let moment = 0; moment < 2; moment++) {
     await tapped(
       'its explanation',
       async () => {

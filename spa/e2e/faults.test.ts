@@ -183,7 +183,6 @@ it('stands first in its line, whole, on every size; the button makes room, and t
     [360, 640],
     [820, 1180],
     [1280, 800],
-    [3840, 2160],
   ] as const) {
     await page.viewport({ width, height });
     const cut = () =>

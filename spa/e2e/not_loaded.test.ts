@@ -5,18 +5,13 @@ import { is } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 const KOREAN = `Object.defineProperty(navigator, 'language', { value: 'ko-KR' })`;
 
 describe('a page that is opened while its proxy restarts', () => {
   let gate: Gate;
   beforeEach(async () => {
-    gate = await Gate.open((await demo()).port);
+    gate = await Gate.open((await stage.demo()).port);
   });
   afterEach(() => gate.close());
 

@@ -6,16 +6,13 @@ import { tooSmall } from './layout/legible.ts';
 import { readShown } from './layout/shown.ts';
 import { holds, there } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
-import { setStage } from './stage.ts';
+import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 const CHOSEN = `try { localStorage.setItem('posecast.settings', '{"body":"light","load":"cur"}') } catch {}`;
 /** In portrait, the texts are above and below the body. */
 const UPRIGHT = { width: 768, height: 1024 };
-const PROJECTORS = [
-  { width: 1920, height: 1080 },
-  { width: 3840, height: 2160 },
-];
+const PROJECTORS = [{ width: 1920, height: 1080 }, ...(FULL ? [{ width: 3840, height: 2160 }] : [])];
 
 const presented = (page: Page) =>
   page.evaluate<boolean>(

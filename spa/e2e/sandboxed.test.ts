@@ -6,14 +6,9 @@ import { hasSkin, holds, is } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 it('a frame without an origin shows the robot of another site', async () => {
-  const relay = await demo();
+  const relay = await stage.demo();
   const host = await Host.open(stage.stack.folder());
   try {
     host.instead.set(
@@ -36,7 +31,7 @@ it('a frame without an origin shows the robot of another site', async () => {
 
 /** As inside such a frame, into which a driver can't look. */
 it('a page without an origin has its numbers and its body', async () => {
-  const relay = await demo();
+  const relay = await stage.demo();
   const gate = await Gate.open(relay.port);
   gate.documentHeaders = { 'content-security-policy': 'sandbox allow-scripts' };
   try {

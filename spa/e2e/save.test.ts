@@ -96,7 +96,7 @@ async function save(page: Page, format: string): Promise<{ name: string; bytes: 
   return { name, bytes: Uint8Array.from(Buffer.from(data, 'base64')) };
 }
 
-it.each([LAPTOP, PHONE])(
+it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
   'saves what is looked back on in each format, at $width px',
   async (viewport) => {
     const { relay, page } = await robot();

@@ -14,20 +14,6 @@ const HUBO_URDF = path.join(SHARED, 'robots/hubo2plus-stl/hubo-urdf/model_collis
 const HUBO_WALK = path.join(SHARED, 'trajectories/hubo2plus_walk/walking_traj/walkFiveSteps0p2m.traj');
 
 describe('the body', () => {
-  it('stands as forward kinematics says: the demo robot', async () => {
-    const relay = await stage.stack.relay();
-    const tap = stage.stack.tap(relay);
-    const edge = stage.stack.edge(relay);
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
-    await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 60_000);
-    let seq = -1;
-    for (let instant = 0; instant < 3; instant++) {
-      await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > seq + 30);
-      seq = await poseMatches(page, edge, tap, path.join(EDGE, 'demo_bundle/robot.urdf'));
-    }
-  });
-
   it.skipIf(!FULL || !existsSync(HUBO_URDF))(
     'stands as forward kinematics says: Hubo 2+ walking, its meshes as they are',
     async () => {

@@ -8,11 +8,6 @@ import { hasSkin, is, there } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 /** What a browser logs after a session has ended: it follows redirects of scripts and pictures. */
 const CUT = /WebSocket|Content.Security.Policy|CORS|MIME type|held back by policy/i;
@@ -26,7 +21,7 @@ describe('behind a proxy that asks for', () => {
   let login: Host;
   let signedIn = true;
   beforeEach(async () => {
-    gate = await Gate.open((await demo()).port);
+    gate = await Gate.open((await stage.demo()).port);
     login = await Host.open(stage.stack.folder());
     login.instead.set('/index.html', '<p>Who are you?</p>');
     login.instead.set('/favicon.ico', '');

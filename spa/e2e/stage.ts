@@ -7,7 +7,7 @@ import { afterAll, afterEach, beforeAll, beforeEach, expect, type TestContext } 
 import { CLOUD } from './cloud.ts';
 import { keepBrowser } from './driver/engines.ts';
 import type { Ability, Browser, BrowserOptions, Page, PageOptions } from './driver/page.ts';
-import { REPO, Stack } from './stack.ts';
+import { REPO, type Relay, Stack } from './stack.ts';
 
 /** Whether to run the slow tests as well: `make test-full`. */
 export const FULL = process.env.POSECAST_FULL === '1';
@@ -22,6 +22,8 @@ export interface Stage {
    *  failed. Pages from its `newPage` stay open till the end of the file; each test leaves them as it found them. Call it
    *  beside `setStage`. */
   share<T>(start: (stack: Stack, newPage: Stage['newPage']) => Promise<T>): () => Promise<T>;
+  /** The relay of a demo robot that all tests of this file share. */
+  demo(): Promise<Relay>;
 }
 
 /** Software renders 3D as slowly as the slowest phone: without this, a page would switch to the light view in the middle of a
@@ -132,7 +134,7 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
     const ofThisTest = stack;
     context.onTestFailed(({ task }) => {
       failed = true;
-      // with the reason, which is not reported for a test that passes on a retry
+      // with what its processes said
       console.error(task.result?.errors?.at(-1)?.stack, ofThisTest.logs, shared.logs);
     });
   });
@@ -182,6 +184,12 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
         return started;
       };
     },
+    demo: () => demo(),
   };
+  const demo = stage.share(async (ofAll) => {
+    const relay = await ofAll.relay();
+    ofAll.edge(relay);
+    return relay;
+  });
   return stage;
 }

@@ -4,11 +4,6 @@ import { cellNumber, holds, is, RECORD, shownPositions, shownSeq } from './robot
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 /** All rows are on screen: others are written in turns. */
 const TALL = { width: 1280, height: 1600 };
@@ -48,7 +43,7 @@ describe('the table', () => {
   });
 
   it('shows a robot that moves', async () => {
-    const relay = await demo();
+    const relay = await stage.demo();
     const page = await stage.newPage({ preload: RECORD, viewport: TALL });
     await page.open(`${relay.url}/#/r/demo`);
     await until(
@@ -62,7 +57,7 @@ describe('the table', () => {
   });
 
   it('is where the list leads', async () => {
-    const relay = await demo();
+    const relay = await stage.demo();
     const page = await stage.newPage();
     await page.open(`${relay.url}/`);
     const card = page.findByRole('link', /demo/i);
@@ -75,7 +70,7 @@ describe('the table', () => {
   });
 
   it('fits a phone', async () => {
-    const relay = await demo();
+    const relay = await stage.demo();
     const page = await stage.newPage({ viewport: { width: 390, height: 844 } });
     await page.open(`${relay.url}/#/r/demo`);
     await until('numbers', async () => (await shownSeq(page)) !== null);

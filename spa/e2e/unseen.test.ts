@@ -6,11 +6,6 @@ import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 /** What the relay sends to a page that requests nothing. */
 const NOTHING = 0;
@@ -33,7 +28,7 @@ async function comesBack(page: Page, relay: Relay, of: string, missedFrom: numbe
 
 describe('a page that nobody sees', () => {
   it('behind another tab asks for no poses, and comes back with the newest', async () => {
-    const relay = await demo();
+    const relay = await stage.demo();
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', is(page, 'LIVE'), 30_000);
@@ -54,7 +49,7 @@ describe('a page that nobody sees', () => {
   });
 
   it('in an iframe that is scrolled away asks for no poses, and comes back with the newest', async () => {
-    const relay = await demo();
+    const relay = await stage.demo();
     const page = await stage.newPage();
     await page.open(`${relay.url}/#/`);
     await page.evaluate(`(() => {
