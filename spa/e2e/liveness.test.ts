@@ -3,7 +3,17 @@ import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
-import { type ChipChange, chips, chipText, is, liveness, RECORD, SWINGING, whole } from './robot_page.ts';
+import {
+  type ChipChange,
+  chips,
+  chipText,
+  is,
+  liveness,
+  RECORD,
+  SWINGING,
+  textOf,
+  whole,
+} from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 import { ClockRobot, WITNESS } from './truth.ts';
 
@@ -24,6 +34,7 @@ describe('the four words', () => {
     await page.open(`${relay.url}/#/r/demo`);
     await until('LIVE', is(page, 'LIVE'));
     await until('a body', () => whole(page)); // the edge serves its files
+    await until('said aloud', async () => /: live/.test(await textOf(page, 'spoken')));
     /** What follows, from now on. */
     const following = async () => {
       const before = (await chips(page)).length; // it may have been OFFLINE if the page opened first
@@ -34,6 +45,7 @@ describe('the four words', () => {
     source.signal('SIGSTOP');
     await until('STALE', is(page, 'STALE'));
     expect(await chipText(page)).toMatch(/robot silent/i);
+    await until('said aloud', async () => /: stale, robot silent/.test(await textOf(page, 'spoken')));
     await pause(4000); // longer than a lease: it must not become OFFLINE, because the edge is running
     expect(await liveness(page)).toBe('STALE');
     source.signal('SIGCONT');

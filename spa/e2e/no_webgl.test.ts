@@ -10,11 +10,8 @@ import { FULL, setStage } from './stage.ts';
 
 const stage = setStage({ webgl: false });
 
-const HUBO_URDF = path.join(SHARED, 'robots/hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf');
-const HUBO_WALK = path.join(SHARED, 'trajectories/hubo2plus_walk/walking_traj/walkFiveSteps0p2m.traj');
 const G1 = 'unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf';
 const G1_URDF = path.join(SHARED, 'robots', G1);
-const HUBO_PROFILE = path.join(REPO, 'edge-agent/src/posecast_edge/profiles/hubo2plus.toml');
 
 const triangles = (page: Page) => page.evaluate<number>('window.posecast?.scene?.triangles ?? 0');
 const shot = (page: Page, name: string) => {
@@ -140,28 +137,6 @@ describe('a browser without 3D', () => {
     const page = await stage.newPage({ viewport: { width: 390, height: 700 } });
     await open(page, `${relay.url}/#/r/demo`);
     await staysWatchable(page);
-  });
-
-  it.skipIf(!FULL || !existsSync(HUBO_URDF))('shows Hubo 2+ walking', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay, {
-      robot: 'hubo',
-      source: `trajectory:${HUBO_WALK}`,
-      profile: HUBO_PROFILE,
-      urdf: HUBO_URDF,
-    });
-    const page = await stage.newPage();
-    await open(page, `${relay.url}/#/r/hubo`);
-    const feet: number[] = [];
-    await until(
-      'a foot has been up',
-      async () => {
-        feet.push((await body(page))?.links.Body_LAR?.[11] ?? 0);
-        return Math.max(...feet) - Math.min(...feet) > 0.02;
-      },
-      60_000,
-    );
-    await shot(page, 'hubo-walk');
   });
 
   it.skipIf(!FULL || !existsSync(G1_URDF))(

@@ -4,7 +4,7 @@ import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
 import { engineName } from './driver/engines.ts';
 import { until } from './driver/until.ts';
 import { poseMatches } from './pose_check.ts';
-import { cellNumber, hasSkin, is, RECORD, resting, shownPositions, shownSeq } from './robot_page.ts';
+import { cellNumber, hasSkin, is, RECORD, resting, shownPositions, shownSeq, there } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -23,7 +23,11 @@ describe('the whole path', () => {
     const edge = stage.stack.edge(relay);
     const page = await stage.newPage({ preload: `${RECORD};${COUNT_DRAWS}`, viewport: FEW_PIXELS });
     await page.open(`${relay.url}/`);
+    await until('a card', there(page, 'robot-demo'));
+    const ofBody = () => page.requested.filter((url) => /\/(three|canvas2d)[.-]/.test(url));
+    expect(ofBody(), 'no 3D before a robot is chosen').toEqual([]);
     await page.findByRole('link', /demo/i).click();
+    await until('3D is asked for', () => ofBody().length > 0);
     await until('LIVE', is(page, 'LIVE', 'HOLDING'));
 
     const shown = await until('frames that the tap has too', async () => {
