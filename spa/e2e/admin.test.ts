@@ -125,8 +125,7 @@ describe('the page /admin', () => {
       ['phone_korean', { width: 360, height: 740 }, 'light', KOREAN, '로봇'],
       ['laptop_light', { width: 1280, height: 800 }, 'light', '', 'Robots'],
     ] as const) {
-      const page = await stage.newPage({ viewport, media: { scheme }, preload });
-      await page.open(`${lab.relay.url}/admin`);
+      const page = await stage.open(`${lab.relay.url}/admin`, { viewport, media: { scheme }, preload });
       await until('the door', holds(page, 'document.activeElement?.id === "credential"'));
       expect(await violations(page), `${name}: the door`).toEqual([]);
       await open(page, lab);

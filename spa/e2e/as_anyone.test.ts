@@ -23,10 +23,8 @@ describe.skipIf(!FULL)('who may see more', () => {
     };
     const address = link('demo');
     const hidden = link('hidden');
-    const relay = await stage.stack.relay({ robots });
-    stage.stack.edge(relay);
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/${address}`);
+    const relay = await stage.stack.demo({ robots });
+    const page = await stage.open(`${relay.url}/${address}`);
     await until('all of it', async () => (await granted(page)) === 30, 30_000);
     expect(await page.findByTestId('as-anyone').count()).toBe(0);
 
@@ -46,8 +44,7 @@ describe.skipIf(!FULL)('who may see more', () => {
     await until('all of it again', async () => (await granted(page)) === 30, 30_000);
     expect(await page.findByTestId('as-anyone').count()).toBe(0);
 
-    const other = await stage.newPage();
-    await other.open(`${relay.url}/?as=anyone${hidden}`);
+    const other = await stage.open(`${relay.url}/?as=anyone${hidden}`);
     await until(
       'nothing to be seen',
       async () =>

@@ -20,8 +20,7 @@ const draw = (page: Page, how: 'light' | '3d') =>
 
 /** A page that watches a robot over a connection that the test can cut, including the page's own files. */
 async function watched(preload = ''): Promise<{ page: Page; link: FaultyLink }> {
-  const relay = await stage.stack.relay();
-  stage.stack.edge(relay);
+  const relay = await stage.stack.demo();
   const link = await FaultyLink.open(relay.port);
   const page = await stage.newPage({ preload, viewport: { width: 900, height: 600 } });
   page.forgive(

@@ -65,8 +65,7 @@ function onOneFoot({ ftf = {}, ftm = {}, ...moment }: Moment): Moment {
 it('a robot with all its signs of balance', async () => {
   const relay = await stage.stack.relay();
   const { source, edge } = stage.stack.fedEdge(relay, STANDING, DEMO);
-  const page = await stage.newPage({ preload: COUNT_DRAWS });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { preload: COUNT_DRAWS });
   await shown(page);
   await choose(page, { balance: 'off' });
   await until('skin', () => hasSkin(page), 60_000);

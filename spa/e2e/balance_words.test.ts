@@ -78,8 +78,7 @@ async function standing() {
 it('on a laptop the sentence stands on one line, in the middle of the body', async () => {
   const { relay, source } = await robot();
   source.write(JSON.stringify(demoAt(LEANING_S)));
-  const page = await stage.newPage({ viewport: { width: 1440, height: 900 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1440, height: 900 } });
   await says(page, 'inside', /inside the area/);
   await until('roll and pitch', holds(page, `document.querySelector('.stage-level')?.offsetWidth > 0`));
   const [height, off] = await page.evaluate<[number, number]>(`(() => {

@@ -14,8 +14,7 @@ const LAPTOP = { width: 1280, height: 800 };
 async function jammed(viewport: Viewport): Promise<{ page: Page; source: Process }> {
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, demoAt(42), DEMO);
-  const page = await stage.newPage({ viewport });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport });
   await until('a body', () => hasSkin(page), 60_000);
   await until('its tree', holds(page, 'window.posecast.scene.tree() !== null'));
   await page.evaluate(`(() => {

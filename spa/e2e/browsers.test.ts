@@ -43,8 +43,7 @@ describe("the README's table of browsers", () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, demoAt(1), DEMO); // stands still, so that pictures can be counted
     const touch = stage.browser.lacks.touch === undefined;
-    const page = await stage.newPage({ preload: COUNT_DRAWS, touch });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: COUNT_DRAWS, touch });
     await until('its finest shells', () => finest(page), 60_000);
     await until('its signs', there(page, 'level'));
     await until('it rests', () => resting(page), 60_000);

@@ -114,8 +114,7 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
   const robots = path.join(stage.stack.folder(), 'robots.toml');
   const policy = '[robots.demo]\nkeep = "30d"\n[robots.demo.anyone]\npast = "30d"\n';
   writeFileSync(robots, policy, { mode: 0o600 });
-  const relay = await stage.stack.relay({ past: `file://${folder}`, robots });
-  stage.stack.edge(relay);
+  const relay = await stage.stack.demo({ past: `file://${folder}`, robots });
   await until(
     'twenty days',
     async () => {
@@ -125,8 +124,7 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
     60_000,
   );
 
-  const page = await stage.newPage({ viewport: LAPTOP });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: LAPTOP });
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('a body', () => whole(page), 60_000);
   await until('a line', has(page, '.track-ticks text'), 60_000);

@@ -44,8 +44,7 @@ it('a stretch that was deleted leaves an open page, and does not come back with 
   const past = `file://${stage.stack.folder()}`;
   const relay = await stage.stack.relay({ past, robots });
   const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
-  const page = await stage.newPage({ viewport: { width: 1366, height: 768 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1366, height: 768 } });
   await until('LIVE', is(page, 'LIVE'), 60_000);
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   await until('the fault', async () =>

@@ -63,8 +63,7 @@ async function calm() {
 it('a fault of 30 ms stays until it is acknowledged in this browser, also after a reload', async () => {
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
-  const page = await stage.newPage({ preload: RECORD });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD });
   await until('LIVE', is(page, 'LIVE'));
   await until('no faults', async () => (await line(page)) === 'No faults');
 
@@ -100,8 +99,7 @@ it('stays when the relay restarts and only its past has it', async () => {
   const options = { past, robots, httpPort: await freePort(), zenohPort: await freePort() };
   const relay = await stage.stack.relay(options);
   const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
-  const first = await stage.newPage();
-  await first.open(`${relay.url}/#/r/demo`);
+  const first = await stage.open(`${relay.url}/#/r/demo`);
   await until('no faults', async () => (await line(first)) === 'No faults');
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   const told = /^Earlier: Right knee is blocked\.RKN · jam · ended/;
@@ -110,8 +108,7 @@ it('stays when the relay restarts and only its past has it', async () => {
   await relay.process.stop();
 
   await stage.stack.relay(options);
-  const page = await stage.newPage({ preload: LINES });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { preload: LINES });
   await until('the past tells', async () => told.test(await line(page)), 30_000);
   expect(await page.evaluate('window.lines')).not.toContain('No faults');
   await page.findByTestId('acknowledge').click();

@@ -44,10 +44,11 @@ async function shows(page: Page, word: string): Promise<void> {
 it('the tutorial finds the fault, looks back at it, links to it and saves it', async (context) => {
   if (!FULL) context.skip('make test-full plays it');
   stage.needs(context, 'files');
-  const relay = await stage.stack.relay({ past: 'memory:' });
-  stage.stack.edge(relay);
-  const page = await stage.newPage({ preload: CATCH_DOWNLOAD, viewport: { width: 1366, height: 768 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const relay = await stage.stack.demo({ past: 'memory:' });
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
+    preload: CATCH_DOWNLOAD,
+    viewport: { width: 1366, height: 768 },
+  });
   await shows(page, 'LIVE');
 
   const alarm = new RegExp([told('Right knee is blocked'), told('Right knee is not where')].join('|'));

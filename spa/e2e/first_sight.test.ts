@@ -51,8 +51,7 @@ async function sightOf(port: number, address: string, viewport = LAPTOP): Promis
   const link = await FaultyLink.open(port);
   link.fault(SLOW);
   try {
-    const page = await stage.newPage({ viewport });
-    await page.open(`${link.url}/${address}`);
+    const page = await stage.open(`${link.url}/${address}`, { viewport });
     const look = () => page.evaluate<Sight>(SIGHT);
     for (const mark of ['skeleton', 'skin'])
       await until(mark, async () => (await look()).marks[mark] !== undefined, 60_000);
@@ -113,8 +112,7 @@ function nothingInTheWay({ marks, asked }: Sight, manifestBytes: number): void {
 }
 
 it('on a slow line the robot moves in lines at once, and has its shells when their bytes are here', async () => {
-  const relay = await stage.stack.relay();
-  stage.stack.edge(relay); // the demo robot
+  const relay = await stage.stack.demo(); // the demo robot
   nothingInTheWay(await firstSight(relay, 'demo'), 6000);
 });
 
@@ -140,8 +138,7 @@ it.skipIf(!FULL || !existsSync(G1) || !canBuild())(
 );
 
 it('a recording on a slow line moves nothing before its first pose that it does not need', async () => {
-  const relay = await stage.stack.relay({ past: 'memory:' });
-  stage.stack.edge(relay);
+  const relay = await stage.stack.demo({ past: 'memory:' });
   const lecture = await exportPast(stage.stack, relay, 8, { title: 'Balance' });
   await relay.process.kill();
   const host = await Host.open(lecture.at);

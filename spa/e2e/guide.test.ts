@@ -44,11 +44,10 @@ describe.each(SIZES)('the guide on a $name', ({ name, width, height }) => {
     'opens with four doors, %s; where it is light one finds HOLDING there, and what explains it',
     async (scheme) => {
       const relay = await shared();
-      const page = await stage.newPage({
+      const page = await stage.open(`${relay.url}/guide/`, {
         viewport: { width, height },
         ...(stage.browser.lacks.media === undefined ? { media: { scheme } } : {}),
       });
-      await page.open(`${relay.url}/guide/`);
       await until('doors', holds(page, 'document.querySelectorAll(".doors a").length >= 4'));
       const wide = await page.evaluate<number>('document.documentElement.scrollWidth - innerWidth');
       expect(wide, 'pixels beside the screen').toBeLessThanOrEqual(0);
@@ -67,8 +66,7 @@ describe.each(SIZES)('the guide on a $name', ({ name, width, height }) => {
 
 it('is linked from the settings of the page', async () => {
   const relay = await shared();
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/`);
+  const page = await stage.open(`${relay.url}/`);
   await page.findByRole('button', 'Settings').click();
   const link = page.findByTestId('guide');
   await until('the link', () => link.visible());
@@ -77,8 +75,7 @@ it('is linked from the settings of the page', async () => {
 
 it('a page that is not there is one line and a way back', async () => {
   const relay = await shared();
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/guide/how-to/no/such.html`);
+  const page = await stage.open(`${relay.url}/guide/how-to/no/such.html`);
   page.forgive(/404/); // the browser logs it
   expect(await page.text()).toContain('No such page');
   await page.findByRole('link', 'search the guide').click();

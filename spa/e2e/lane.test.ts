@@ -46,8 +46,10 @@ const behindMs = (page: Page) => page.evaluate<number | null>('window.posecast?.
 const title = (page: Page) => page.evaluate<string>('document.title');
 
 async function watching(relay: { url: string }, by: 'websocket' | 'segments', search = ''): Promise<Page> {
-  const page = await stage.newPage({ viewport: SMALL, preload: `${LIGHT};${RECORD};${WITNESS};${SHOWN}` });
-  await page.open(`${relay.url}/${search}#/r/demo`);
+  const page = await stage.open(`${relay.url}/${search}#/r/demo`, {
+    viewport: SMALL,
+    preload: `${LIGHT};${RECORD};${WITNESS};${SHOWN}`,
+  });
   await until(
     `LIVE by ${by}`,
     async () => (await is(page, 'LIVE')()) && (await carrier(page)) === by,
@@ -176,11 +178,10 @@ it('who comes to a full relay is told the faults of before, as who has a place, 
   const relay = await stage.stack.relay({ past: 'memory:', maxViewers: 1 });
   const { source } = stage.stack.fedEdge(relay, KNEE, { profile: 'demo' });
   const open = async (by: 'websocket' | 'segments') => {
-    const page = await stage.newPage({
+    const page = await stage.open(`${relay.url}/#/r/demo`, {
       viewport: { width: 1280, height: 800 },
       preload: `${LIGHT};${RECORD};${SHOWN}`,
     });
-    await page.open(`${relay.url}/#/r/demo`);
     await until(`by ${by}`, async () => (await carrier(page)) === by, 60_000);
     return page;
   };

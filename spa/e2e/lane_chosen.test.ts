@@ -129,8 +129,7 @@ it.skipIf(!FULL).each([['/'], ['/embed/demo']])(
   async (at) => {
     const relay = await stage.stack.relay({ past: 'memory:' });
     const robot = new ClockRobot(stage.stack, relay);
-    const page = await stage.newPage(PRELOAD);
-    await page.open(`${relay.url}${at}?lane=segments#/r/demo`);
+    const page = await stage.open(`${relay.url}${at}?lane=segments#/r/demo`, PRELOAD);
     await until('LIVE', is(page, 'LIVE'), 60_000);
     await until('a body', () => whole(page), 60_000);
     await until('behind', async () => / s behind$/.test(await chipText(page)));

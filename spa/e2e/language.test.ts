@@ -60,8 +60,7 @@ it.skipIf(!FULL)(
   async () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } });
-    const page = await stage.newPage({ preload: `${RECORD}; ${KOREAN}` });
-    await page.open(`${relay.url}/#/`);
+    const page = await stage.open(`${relay.url}/#/`, { preload: `${RECORD}; ${KOREAN}` });
     await until('the list', async () => (await page.text()).includes('방송 중'), 30_000);
     expect(await lang(page)).toBe('ko');
     await has(page, 'robot-demo');

@@ -32,8 +32,10 @@ const has = (page: Page, label: string) =>
 it('a joint that comes later is shown without a gap, and the past is as it was before it came', async () => {
   const relay = await stage.stack.relay({ past: 'memory:' });
   const { source } = stage.stack.fedEdge(relay, { wave: { pos: ARM } }, { urdf: URDF });
-  const page = await stage.newPage({ preload: WATCH, viewport: { width: 1366, height: 768 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
+    preload: WATCH,
+    viewport: { width: 1366, height: 768 },
+  });
   await until('a body', () => whole(page), 60_000);
   await until('LIVE', is(page, 'LIVE'), 60_000);
   const track = `document.querySelector('[data-testid="track"]')`;

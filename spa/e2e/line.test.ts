@@ -18,8 +18,7 @@ describe('robots side by side', () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, { pos: { RKN: 0.9 }, wave: { pos: { LKN: [0.4, 0.5] } } }, { robot: 'bare' });
     stage.stack.fedEdge(relay, { pos: { RKN: 0.9, LKN: 0.9 } }, { robot: 'whole', urdf: URDF });
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/r/bare+whole+nobody`);
+    const page = await stage.open(`${relay.url}/r/bare+whole+nobody`);
     const text = (robot: string) =>
       page.evaluate<string>(`document.querySelector('[data-testid="numbers-${robot}"]')?.textContent ?? ''`);
     await until('its numbers', async () => /RKN pos.0\.900 rad/.test(await text('bare')), 60_000);
@@ -47,8 +46,7 @@ describe('robots side by side', () => {
       { robot: 'two', urdf: URDF },
     );
     stage.stack.edge(relay, { robot: 'three' });
-    const page = await stage.newPage({ viewport: { width: 900, height: 600 } });
-    await page.open(`${relay.url}/#/`);
+    const page = await stage.open(`${relay.url}/#/`, { viewport: { width: 900, height: 600 } });
     for (const robot of ['one', 'two', 'three']) {
       await until(
         `${robot} is on air`,

@@ -16,8 +16,7 @@ const path = (page: Page) =>
 
 it('a robot that has left stands no more under "On air"; nobody watching is not counted', async () => {
   const relay = await stage.stack.relay();
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/`);
+  const page = await stage.open(`${relay.url}/`);
   await until('commands with the port that it listens on', async () =>
     (await page.evaluate<string>("document.querySelector('.empty')?.textContent ?? ''")).includes(
       `--relay ${relay.zenoh}`,

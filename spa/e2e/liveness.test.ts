@@ -30,8 +30,7 @@ describe('the four words', () => {
     const relay = await stage.stack.relay();
     const robot = new ClockRobot(stage.stack, relay);
     const { source, edge } = robot;
-    const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: `${RECORD};${WITNESS}` });
     await until('LIVE', is(page, 'LIVE'));
     await until('a body', () => whole(page)); // the edge serves its files
     await until('said aloud', async () => /: live/.test(await textOf(page, 'spoken')));
@@ -68,8 +67,7 @@ describe('the four words', () => {
     // far below 30: on a busy machine frames are late, and the edge halves its rate once or twice
     const relay = await stage.stack.relay({ viewFrames: 7 });
     const { source } = stage.stack.fedEdge(relay, SWINGING);
-    const page = await stage.newPage({ preload: RECORD, viewport: PHONE });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD, viewport: PHONE });
     const says = (what: string, word: RegExp) =>
       until(what, async () => word.test(await chipText(page)), 30_000);
     await says('that it sends too much', /^LIVE.*robot sends too much$/);
@@ -101,8 +99,7 @@ describe('the four words', () => {
       const robots = JSON.stringify(await relay.json('/api/v1/robots'));
       return robots.includes('"silent"');
     });
-    const silent = await stage.newPage({ preload: RECORD });
-    await silent.open(`${relay.url}/#/r/demo`);
+    const silent = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD });
     await until('STALE', is(silent, 'STALE'));
     await pause(2500);
     expect((await chips(silent)).map(word)).not.toContain('LIVE');
@@ -110,8 +107,7 @@ describe('the four words', () => {
 
     // now both are dead
     await edge.kill();
-    const dead = await stage.newPage({ preload: RECORD });
-    await dead.open(`${relay.url}/#/r/demo`);
+    const dead = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD });
     await until('OFFLINE', is(dead, 'OFFLINE'));
     await pause(2500);
     const words = (await chips(dead)).map(word);
@@ -124,8 +120,7 @@ describe('the four words', () => {
     stage.stack.fedEdge(relay, SWINGING, { keyInterval: 30 });
     const link = await FaultyLink.open(relay.port);
     try {
-      const page = await stage.newPage({ preload: RECORD });
-      await page.open(`${link.url}/#/r/demo`);
+      const page = await stage.open(`${link.url}/#/r/demo`, { preload: RECORD });
       await until('LIVE', is(page, 'LIVE'));
       const isLost = async () => {
         await until('STALE', is(page, 'STALE'));
@@ -172,8 +167,7 @@ describe('the four words', () => {
         const said = { swings: 'LIVE', stands: 'HOLDING', left: 'OFFLINE' };
         const watched = [];
         for (const [robot, expected] of Object.entries(said)) {
-          const page = await stage.newPage({ preload: RECORD });
-          await page.open(`${link.url}/#/r/${robot}`);
+          const page = await stage.open(`${link.url}/#/r/${robot}`, { preload: RECORD });
           await until(expected, is(page, expected), 60_000);
           watched.push({ page, robot, expected });
         }

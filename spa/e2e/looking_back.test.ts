@@ -80,8 +80,7 @@ it.skipIf(!FULL)(
     const url = new URL(AT ?? `${relay.url}/#/r/demo`);
     const link = await FaultyLink.open(Number(url.port));
     const visit = async (): Promise<Page> => {
-      const page = await stage.newPage({ viewport: { width: 1366, height: 768 } });
-      await page.open(`${link.url}/${url.hash}`);
+      const page = await stage.open(`${link.url}/${url.hash}`, { viewport: { width: 1366, height: 768 } });
       await until('LIVE', is(page, 'LIVE'), 60_000);
       await until('a body', () => whole(page), 60_000);
       await rewindable(page);

@@ -40,8 +40,7 @@ async function shown(
     JSON.stringify(await relay.json('/api/v1/robots')).includes(`"${robot}"`),
   );
   meanwhile();
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/#/r/${robot}`);
+  const page = await stage.open(`${relay.url}/#/r/${robot}`);
   await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 30_000);
   return page;
 }

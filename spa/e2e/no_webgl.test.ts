@@ -28,8 +28,7 @@ async function open(page: Page, url: string): Promise<void> {
 
 describe('a browser without 3D', () => {
   it('has a live table and a body drawn by hand, and says so', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
+    const relay = await stage.stack.demo();
     const page = await stage.newPage({ preload: RECORD });
     await open(page, `${relay.url}/#/r/demo`);
     expect(
@@ -114,8 +113,7 @@ describe('a browser without 3D', () => {
   });
 
   it.skipIf(!FULL)('is as beautiful in either theme and on a phone; pictures are in e2e/shots', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
+    const relay = await stage.stack.demo();
     const page = await stage.newPage();
     await open(page, `${relay.url}/#/r/demo`);
     for (const name of ['dark', 'light']) {
@@ -132,8 +130,7 @@ describe('a browser without 3D', () => {
 
   it.skipIf(!FULL)('shows ten poses a second with a sixth of the processor', async (context) => {
     stage.needs(context, 'slow');
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
+    const relay = await stage.stack.demo();
     const page = await stage.newPage({ viewport: { width: 390, height: 700 } });
     await open(page, `${relay.url}/#/r/demo`);
     await staysWatchable(page);

@@ -47,8 +47,7 @@ describe('a page that is opened while its proxy restarts', () => {
       refused += 1;
       return refused > 1 ? null : 'reset';
     };
-    const page = await stage.newPage();
-    await page.open(`${gate.url}/#/r/demo`);
+    const page = await stage.open(`${gate.url}/#/r/demo`);
     const chip = `getComputedStyle(document.querySelector('.robot-page')).display`;
     await until('LIVE', is(page, 'LIVE'), 60_000);
     await until('its looks', async () => (await page.evaluate<string>(chip)) !== 'block', 60_000);

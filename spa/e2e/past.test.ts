@@ -40,8 +40,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
   async (viewport) => {
     const relay = await stage.stack.relay({ past: 'memory:' });
     const robot = new ClockRobot(stage.stack, relay);
-    const page = await stage.newPage({ preload: `${RECORD};${WITNESS}`, viewport });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: `${RECORD};${WITNESS}`, viewport });
     await until('LIVE', is(page, 'LIVE'), 60_000);
     await until('a body', () => whole(page), 60_000);
     await rewindable(page, 12);
@@ -119,8 +118,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
 it('a moment has its link while presented, and one that can’t be shown is named', async () => {
   const relay = await stage.stack.relay({ past: 'memory:' });
   new ClockRobot(stage.stack, relay);
-  const page = await stage.newPage({ viewport: LAPTOP });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: LAPTOP });
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('a body', () => whole(page), 60_000);
   await rewindable(page, 12);
@@ -178,10 +176,8 @@ it('a moment has its link while presented, and one that can’t be shown is name
 }, 240_000);
 
 it('a link to a moment says so where there is no past, and shows what is live', async () => {
-  const relay = await stage.stack.relay({ past: '0' });
-  stage.stack.edge(relay);
-  const page = await stage.newPage({ viewport: PHONE });
-  await page.open(`${relay.url}/#/r/demo?t=2026-11-22T14:02:07.250Z`);
+  const relay = await stage.stack.demo({ past: '0' });
+  const page = await stage.open(`${relay.url}/#/r/demo?t=2026-11-22T14:02:07.250Z`, { viewport: PHONE });
   await until('it is said', async () =>
     /moment in this link/.test(
       (await page.evaluate<string>(`${testId('past-note')}?.textContent ?? ''`)) ?? '',

@@ -41,8 +41,10 @@ const named = async (page: Page) => (await traces(page)).map(([name]) => name);
 async function opened(): Promise<Page> {
   const relay = await stage.stack.relay();
   stage.stack.fedEdge(relay, WALKS, { profile: 'demo' });
-  const page = await stage.newPage({ preload: SAVES, viewport: { width: 1280, height: 800 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
+    preload: SAVES,
+    viewport: { width: 1280, height: 800 },
+  });
   await until('numbers', async () => (await shownSeq(page)) !== null);
   return page;
 }

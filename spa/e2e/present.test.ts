@@ -36,8 +36,7 @@ function overBody(page: Page): Promise<string[]> {
 it('is read from the last row: by key, by the sheet, by a link, also in a frame', async () => {
   const relay = await stage.stack.relay();
   stage.stack.fedEdge(relay, demoAt(42), DEMO);
-  const page = await stage.newPage({ preload: CHOSEN, media: { motion: 'reduce' } });
-  await page.open(`${relay.url}/#/`);
+  const page = await stage.open(`${relay.url}/#/`, { preload: CHOSEN, media: { motion: 'reduce' } });
   await page.findByTestId('robot-demo').click();
   await until('the fault', async () => /RKN/.test(await page.findByTestId('fault-line').text()), 60_000);
   await until('a body', holds(page, '(window.posecast?.scene?.triangles ?? 0) > 1000'), 60_000);

@@ -50,8 +50,7 @@ describe.skipIf(!FULL || !canBuild())('every robot, built', () => {
       );
       const relay = await stage.stack.relay();
       const { source } = stage.stack.fedEdge(relay, { pos: wanted[0] }, { robot: name, model: folder });
-      const page = await stage.newPage({ viewport: SMALL, preload: COUNT_DRAWS });
-      await page.open(`${relay.url}/#/r/${name}`);
+      const page = await stage.open(`${relay.url}/#/r/${name}`, { viewport: SMALL, preload: COUNT_DRAWS });
       await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 30_000);
       const sent: Configuration[] = [];
       const seen: Readonly<Record<string, readonly number[]>>[] = [];

@@ -35,8 +35,7 @@ it('a page without an origin has its numbers and its body', async () => {
   const gate = await Gate.open(relay.port);
   gate.documentHeaders = { 'content-security-policy': 'sandbox allow-scripts' };
   try {
-    const page = await stage.newPage();
-    await page.open(`${gate.url}/embed/demo`);
+    const page = await stage.open(`${gate.url}/embed/demo`);
     expect(await page.evaluate<string>('origin')).toBe('null');
     await until('LIVE', is(page, 'LIVE'), 60_000);
     await until('its body', () => hasSkin(page), 60_000);

@@ -140,8 +140,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
 );
 
 it('saves from one moment to another, says what is too much, and what can’t be had', async () => {
-  const relay = await stage.stack.relay({ past: 'memory:' });
-  stage.stack.edge(relay);
+  const relay = await stage.stack.demo({ past: 'memory:' });
   const page = await lookBack(relay);
   await page.press('x');
   await until('the sheet', there(page, 'save'));
@@ -183,8 +182,7 @@ it('saves from one moment to another, says what is too much, and what can’t be
 
 it('has room for the sheet at every size, in both languages and themes', async (context) => {
   if (!FULL) context.skip('make test-full plays it');
-  const relay = await stage.stack.relay({ past: 'memory:' });
-  stage.stack.edge(relay);
+  const relay = await stage.stack.demo({ past: 'memory:' });
   const page = await lookBack(relay);
   for (const [language, theme] of [
     ['en', 'dark'],

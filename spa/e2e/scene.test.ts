@@ -17,8 +17,7 @@ describe('the body', () => {
       { pos: { RKN: 0.3, LKN: 0.3 } },
       { urdf: path.join(EDGE, 'demo_bundle/robot.urdf') },
     );
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await until('a body', async () => (await renderedFrames(page)) > 0, 60_000);
     await until('HOLDING', is(page, 'HOLDING'), 30_000);
     await until('the camera has come to rest', () => resting(page));
@@ -30,10 +29,8 @@ describe('the body', () => {
 
   it('keeps its signs in the colours of the system', async (context) => {
     stage.needs(context, 'colors');
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
-    const page = await stage.newPage({ media: { colors: 'forced' } });
-    await page.open(`${relay.url}/#/r/demo`);
+    const relay = await stage.stack.demo();
+    const page = await stage.open(`${relay.url}/#/r/demo`, { media: { colors: 'forced' } });
     await until('a body', () => hasSkin(page), 60_000);
     expect(await page.evaluate<boolean>(`matchMedia('(forced-colors: active)').matches`)).toBe(true);
     await page.screenshot('forced-laptop.png');

@@ -41,8 +41,7 @@ const near = (a: Stand | null, b: Stand | null) =>
 describe('the address', () => {
   it('holds what is looked at, and another page opens the same', async () => {
     const relay = await demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await until('a body', () => hasSkin(page), 60_000);
     expect(await hash(page), 'nothing to tell yet').toBe('#/r/demo');
     for (const key of ['ArrowLeft', 'ArrowLeft', 'ArrowUp', '+', '+']) await page.press(key);
@@ -74,8 +73,7 @@ describe('the address', () => {
     await page.viewport({ width: 390, height: 844 });
     await page.screenshot('share-phone.png');
 
-    const other = await stage.newPage();
-    await other.open(`${link}&theme=light&angle=deg`);
+    const other = await stage.open(`${link}&theme=light&angle=deg`);
     await until('the same place', async () => near(await stand(other), there), 60_000);
     await until('the same joint', async () => (await other.findByTestId('joint-card').count()) === 1);
     const settings = await other.evaluate<Record<string, unknown>>('window.posecast.settings');
@@ -89,8 +87,7 @@ describe('the address', () => {
 
   it('may name what does not exist: the page opens without it', async () => {
     const relay = await demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo?joint=NOPE&eye=1,2,x&theme=pink&angle=turns`);
+    const page = await stage.open(`${relay.url}/#/r/demo?joint=NOPE&eye=1,2,x&theme=pink&angle=turns`);
     await until('LIVE', is(page, 'LIVE'), 30_000);
     await until('put right', async () => (await hash(page)) === '#/r/demo', 30_000);
     expect(await page.findByTestId('joint-card').count()).toBe(0);

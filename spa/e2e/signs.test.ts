@@ -27,8 +27,7 @@ async function standing(
 ): Promise<{ relay: Relay; source: Process; page: Page }> {
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, sample, DEMO);
-  const page = await stage.newPage({ preload });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { preload });
   await shown(page);
   return { relay, source, page };
 }
@@ -78,8 +77,7 @@ describe('what a robot does not say', () => {
       { ref: { ...many, RKN: 0.4 }, pos: { ...many, RKN: 0 } },
       { model: DEMO.model },
     );
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await shown(page);
     await until('LIVE or HOLDING', is(page, 'LIVE', 'HOLDING'));
     expect(await signs(page)).toMatchObject({

@@ -21,8 +21,10 @@ describe('the whole path', () => {
     const relay = await stage.stack.relay();
     const tap = stage.stack.tap(relay);
     const edge = stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: `${RECORD};${COUNT_DRAWS}`, viewport: FEW_PIXELS });
-    await page.open(`${relay.url}/`);
+    const page = await stage.open(`${relay.url}/`, {
+      preload: `${RECORD};${COUNT_DRAWS}`,
+      viewport: FEW_PIXELS,
+    });
     await until('a card', there(page, 'robot-demo'));
     const ofBody = () => page.requested.filter((url) => /\/(three|canvas2d)[.-]/.test(url));
     expect(ofBody(), 'no 3D before a robot is chosen').toEqual([]);

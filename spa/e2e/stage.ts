@@ -18,6 +18,8 @@ export interface Stage {
   /** Skips the test, with the reason, in an engine whose driver does not support this. */
   needs(context: TestContext, ability: Ability): void;
   newPage(options?: PageOptions): Promise<Page>;
+  /** A new page at this address. */
+  open(url: string, options?: PageOptions): Promise<Page>;
   /** What all tests of this file look at: `start` is called by the first one that asks, and again by the one after a test that
    *  failed. Pages from its `newPage` stay open till the end of the file; each test leaves them as it found them. Call it
    *  beside `setStage`. */
@@ -171,6 +173,11 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
       pages.push(page);
       return page;
     },
+    async open(url, pageOptions) {
+      const page = await stage.newPage(pageOptions);
+      await page.open(url);
+      return page;
+    },
     share(start) {
       let started: ReturnType<typeof start> | null = null;
       let startedAt = times;
@@ -186,10 +193,6 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
     },
     demo: () => demo(),
   };
-  const demo = stage.share(async (ofAll) => {
-    const relay = await ofAll.relay();
-    ofAll.edge(relay);
-    return relay;
-  });
+  const demo = stage.share((ofAll) => ofAll.demo());
   return stage;
 }

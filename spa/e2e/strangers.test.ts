@@ -23,8 +23,7 @@ function profile(toml: string): string {
 describe.skipIf(!FULL)('an address', () => {
   it('of a robot that is not there says so, and goes on when it comes', async () => {
     const relay = await stage.stack.relay();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/nobody`);
+    const page = await stage.open(`${relay.url}/#/r/nobody`);
     await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
     await until('said so', async () => (await note(page)).startsWith('This robot is not on air.'));
     stage.stack.fedEdge(relay, SWINGING, { robot: 'nobody' });
@@ -59,8 +58,7 @@ describe.skipIf(!FULL)('an address', () => {
     'that names nothing says so and leads to the list: %s',
     async (hash) => {
       const relay = await stage.stack.relay();
-      const page = await stage.newPage();
-      await page.open(`${relay.url}/${hash}`);
+      const page = await stage.open(`${relay.url}/${hash}`);
       await until('said so', async () => (await text(page, '.broken')).includes('Nothing here'), 30_000);
       expect(await page.evaluate<boolean>('window.bitten === undefined')).toBe(true);
       await page.findByRole('link', 'All robots').click();
@@ -73,8 +71,7 @@ describe.skipIf(!FULL)('a robot', () => {
   it('that comes back under another name is OFFLINE under the old one, and in the list under the new', async () => {
     const relay = await stage.stack.relay();
     const first = stage.stack.fedEdge(relay, SWINGING, { robot: 'old' });
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/old`);
+    const page = await stage.open(`${relay.url}/#/r/old`);
     await until('LIVE', is(page, 'LIVE'), 30_000);
     await first.edge.stop();
     stage.stack.fedEdge(relay, SWINGING, { robot: 'new' });
@@ -93,8 +90,7 @@ describe.skipIf(!FULL)('a robot', () => {
       profile(`[robot]\nname = "${name}"\n[labels]\njoint = ["RKN", "LKN"]\n[[fields]]\nname = "pos"\n`);
     const relay = await stage.stack.relay();
     const first = stage.stack.fedEdge(relay, SWINGING, { profile: named('Anna') });
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await until('its name', async () => (await text(page, '.robot-name')) === 'Anna', 30_000);
     await page.evaluate('window.born = true');
     await first.edge.stop();
@@ -191,8 +187,7 @@ it.skipIf(!FULL)(
     stage.stack.fedEdge(relay, SWINGING);
     const newer = await newerRelay(relay.port);
     try {
-      const page = await stage.newPage();
-      await page.open(`${newer.url}/#/r/demo`);
+      const page = await stage.open(`${newer.url}/#/r/demo`);
       await until('said so', async () => /newer protocol than this page/.test(await note(page)), 30_000);
       await until('LIVE', is(page, 'LIVE'), 30_000);
       expect(await note(page), 'it stays said').toMatch(/Reload/);
@@ -209,8 +204,7 @@ it.skipIf(!FULL)('a fault of 30 ms reaches a viewer who may have one pose a seco
   const fine = { ...SWINGING, flags: { RKN: ['homed', 'enabled'] } };
   const relay = await stage.stack.relay({ robots: file });
   const { source } = stage.stack.fedEdge(relay, fine, { profile: 'demo' });
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`);
   await until('LIVE', is(page, 'LIVE'), 30_000);
   await until('one pose a second', holds(page, 'window.posecast.link.granted_hz === 1'));
   const line = () => text(page, '[data-testid=fault-line]');

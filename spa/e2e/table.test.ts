@@ -15,8 +15,7 @@ describe('the table', () => {
     const relay = await stage.stack.relay();
     const tap = stage.stack.tap(relay);
     stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: RECORD, viewport: TALL });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD, viewport: TALL });
 
     const shown = await until('ten frames that the tap has too', async () => {
       const rows = [...(await shownPositions(page))].filter(([seq]) => tap.frame(seq) !== undefined);
@@ -43,8 +42,7 @@ describe('the table', () => {
 
   it('fits a phone', async () => {
     const relay = await stage.demo();
-    const page = await stage.newPage({ viewport: { width: 390, height: 844 } });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 390, height: 844 } });
     await until('numbers', async () => (await shownSeq(page)) !== null);
     await until('cells', holds(page, 'document.querySelector("[data-field=pos]") !== null'));
     const wide = await page.evaluate<number>('document.documentElement.scrollWidth');
@@ -81,8 +79,7 @@ describe('the table', () => {
       cur: of(2),
       temp: of(30),
     });
-    const page = await stage.newPage({ viewport: { width: 360, height: 740 } });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 360, height: 740 } });
     for (const [width, height] of [
       [360, 740],
       [1366, 768],
@@ -127,8 +124,7 @@ describe('the table', () => {
         cur: of(() => 0),
         wave: { pos: of((i) => [0.5, 0.2 + i / 60]), cur: of((i) => [2, 0.3 + i / 90]) },
       });
-      const page = await stage.newPage();
-      await page.open(`${relay.url}/#/r/demo`);
+      const page = await stage.open(`${relay.url}/#/r/demo`);
       type Sampled = { writes: number; eachMs: number[] };
       await page.evaluate(`(() => {
         const { numbers } = window.posecast;

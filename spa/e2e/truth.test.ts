@@ -14,8 +14,7 @@ const stage = setStage();
 const OUTAGE_MS = 2600;
 
 async function watched(url: string): Promise<Page> {
-  const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
-  await page.open(`${url}/#/r/demo`);
+  const page = await stage.open(`${url}/#/r/demo`, { preload: `${RECORD};${WITNESS}` });
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('a body', () => whole(page), 60_000);
   return page;

@@ -29,8 +29,7 @@ async function comesBack(page: Page, relay: Relay, of: string, missedFrom: numbe
 describe('a page that nobody sees', () => {
   it('behind another tab asks for no poses, and comes back with the newest', async () => {
     const relay = await stage.demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await until('LIVE', is(page, 'LIVE'), 30_000);
     // A headless browser has no other tab to bring to the front, so the page is told that there is one.
     const hide = (hidden: boolean) =>
@@ -50,8 +49,7 @@ describe('a page that nobody sees', () => {
 
   it('in an iframe that is scrolled away asks for no poses, and comes back with the newest', async () => {
     const relay = await stage.demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/`);
+    const page = await stage.open(`${relay.url}/#/`);
     await page.evaluate(`(() => {
       const room = document.createElement('div');
       const frame = document.createElement('iframe');

@@ -80,8 +80,7 @@ async function listed(built = true): Promise<Page> {
   } else {
     stage.stack.fedEdge(relay, { pos: POS }, { robot: 'free', urdf, meshTools: false });
   }
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/#/`);
+  const page = await stage.open(`${relay.url}/#/`);
   await until('it is listed', there(page, 'robot-free'), 30_000);
   return page;
 }
