@@ -1,23 +1,13 @@
 import { expect, it } from 'vitest';
 import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { gone, holds, is, tapped, there } from './robot_page.ts';
+import { enter, gone, holds, is, KEEP_SAVED, newestSaved, savedCount, tapped, there } from './robot_page.ts';
 import { DEMO, demoAt, type Moment } from './sign_words.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
 /** The light view draws the same texts, and is faster. */
 const LIGHT = `try { if (localStorage.getItem('posecast.settings') === null) localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
-/** Records what is saved. */
-const SAVES = `(() => {
-  window.saved = [];
-  const make = URL.createObjectURL;
-  URL.createObjectURL = (blob) => {
-    if (blob.type === 'text/csv') blob.text().then((text) => window.saved.push(text));
-    return make.call(URL, blob);
-  };
-})()`;
-
 const LAPTOP = { width: 1280, height: 800 };
 const STANDING_S = 2;
 const LEANING_S = 58;
@@ -60,7 +50,7 @@ const robot = stage.share(async (stack) => {
 });
 const watched = stage.share(async (_, newPage) => {
   const { relay } = await robot();
-  const page = await newPage({ preload: `${LIGHT};${SAVES}`, viewport: LAPTOP });
+  const page = await newPage({ preload: `${LIGHT};${KEEP_SAVED}`, viewport: LAPTOP });
   await page.open(`${relay.url}/#/r/demo`);
   return page;
 });
@@ -185,8 +175,10 @@ it('its margin goes into a plot with all of the minute, into the table that is s
   await until('a number', async () => /^\d+\.\d$/.test(await value()));
   await page.screenshot('balance-plot.png');
   const csv = await until('a table of several margins', async () => {
+    const before = await savedCount(page);
     await page.findByTestId('plot-csv').click();
-    const saved = await page.evaluate<string>("window.saved.at(-1) ?? ''");
+    await until('it is saved', async () => (await savedCount(page)) > before);
+    const saved = new TextDecoder().decode((await newestSaved(page)).bytes);
     return saved.split('\r\n').filter((row) => /,\d+(\.\d+)?$/.test(row)).length > 5 ? saved : null;
   });
   expect(csv.split('\r\n')[0]).toBe('"time","Balance: margin [mm]"');
@@ -194,13 +186,7 @@ it('its margin goes into a plot with all of the minute, into the table that is s
   const low = '[data-testid="limit-balance-margin"] .number-field:nth-of-type(1) input';
   await page.findByRole('button', 'Settings').click();
   await until('limits', holds(page, `document.querySelector(${JSON.stringify(low)}) !== null`));
-  await page.evaluate(`(() => {
-    const field = document.querySelector(${JSON.stringify(low)});
-    field.closest('details').open = true;
-    const set = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set;
-    set.call(field, '99');
-    field.dispatchEvent(new Event('input', { bubbles: true }));
-  })()`);
+  await enter(page, `document.querySelector(${JSON.stringify(low)})`, '99');
   await page.screenshot('balance-limits.png');
   await page.press('Escape');
   await until('red by that limit', async () => (await line(page))?.level === 'fault');

@@ -7,7 +7,7 @@ import { Month } from '../tests/rigs/past_month.ts';
 import { violations } from './axe.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { chipText, holds, is, testId, whole } from './robot_page.ts';
+import { chipText, enter, holds, is, testId, whole } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -20,14 +20,6 @@ const has = (page: Page, selector: string) => () =>
   page.evaluate<boolean>(`document.querySelector('${selector}') !== null`);
 const text = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
 const momentMs = (page: Page) => page.evaluate<number | null>('window.posecast.twin.moment_ms');
-
-/** Fills a field the way a person types. */
-const type = (page: Page, id: string, value: string) =>
-  page.evaluate(`(() => {
-    const field = ${testId(id)};
-    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(field, '${value}');
-    field.dispatchEvent(new Event('input', { bubbles: true }));
-  })()`);
 
 const DAY_MS = 86_400_000;
 const MIN_MS = 60_000;
@@ -226,7 +218,7 @@ it('one goes to a moment by its time, to an hour by two taps, and by the keyboar
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
   await until('today, with an hour of it', has(page, '.moment-hours button'));
   const clock = new Date(wantedMs).toTimeString().slice(0, 8);
-  await type(page, 'moment-time', clock);
+  await enter(page, testId('moment-time'), clock);
   await until(
     'it was recorded',
     async () => (await text(page, 'moment-hint')) === 'This moment was recorded.',
@@ -241,7 +233,7 @@ it('one goes to a moment by its time, to an hour by two taps, and by the keyboar
   // the clock time of then leads there too
   await page.evaluate(`document.querySelector('.transport-moment').click()`);
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
-  await type(page, 'moment-date', '2001-02-03');
+  await enter(page, testId('moment-date'), '2001-02-03');
   await until('the oldest', async () => /^That is no longer kept/.test(await text(page, 'moment-hint')));
   await page.evaluate(`document.querySelector('.moment-hours button').click()`);
   await until('the oldest of that hour', async () => (await momentMs(page))! < wantedMs);

@@ -5,7 +5,7 @@ import { describe, expect, it } from 'vitest';
 import { binaryStl, collada, cubeSoup, MTL, OBJ, triangleGlb } from '../tests/rigs/mesh_samples.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { holds, there } from './robot_page.ts';
+import { enter, holds, there } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
@@ -67,11 +67,7 @@ describe("a robot from one's own computer", () => {
     );
     const height = async () => ((await links()).rod?.[11] ?? 0) - ((await links()).base?.[11] ?? 0);
     expect(await height()).toBe(0);
-    await page.evaluate(`(() => {
-      const slider = document.querySelector('.local-slider input');
-      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(slider, '0.25');
-      slider.dispatchEvent(new Event('input', { bubbles: true }));
-    })()`);
+    await enter(page, `document.querySelector('.local-slider input')`, '0.25');
     await until('the rod lifts', async () => Math.abs((await height()) - 0.25) < 1e-9);
     const strange = page.requested.filter(
       (url) => !/\/$|\/#|assets\/|favicon|config\.json$|api\/v1\/robots$/.test(url),
@@ -97,11 +93,7 @@ describe("a robot from one's own computer", () => {
     await open('1');
     await until('the ball', async () => (await ball()) !== null, 30_000);
     const low = (await ball())![2]!;
-    await page.evaluate(`(() => {
-      const slider = document.querySelector('.local-slider input');
-      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(slider, '0.4');
-      slider.dispatchEvent(new Event('input', { bubbles: true }));
-    })()`);
+    await enter(page, `document.querySelector('.local-slider input')`, '0.4');
     await until('a quarter of the way', async () => Math.abs((await ball())![2]! - low - 0.1) < 1e-6);
     expect(await entry()).toMatch(/^Balance\s*This model is shown straight from its files/);
     await page.screenshot('drop-balance.png');

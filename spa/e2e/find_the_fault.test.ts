@@ -4,7 +4,7 @@ import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { holds, liveness, testId, textOf, there } from './robot_page.ts';
+import { holds, KEEP_SAVED, liveness, newestSaved, testId, textOf, there } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
@@ -13,15 +13,6 @@ const stage = setStage({ webgl: false });
 const TUTORIAL = readFileSync(path.join(REPO, 'docs/tutorials/find-the-fault.md'), 'utf8');
 /** The fault occurs 40 s after the robot goes on air. */
 const FAULT_MS = 120_000;
-/** Records files that the page saves: not every driver can find a download. */
-const CATCH_DOWNLOAD = `(() => {
-  const make = URL.createObjectURL;
-  URL.createObjectURL = (blob) => {
-    window.saved = blob;
-    return make.call(URL, blob);
-  };
-})()`;
-
 const momentOf = async (page: Page) =>
   /[?&]t=([\d:.TZ-]+)/.exec(await page.evaluate<string>('location.href'))?.[1];
 
@@ -46,7 +37,7 @@ it('the tutorial finds the fault, looks back at it, links to it and saves it', a
   stage.needs(context, 'files');
   const relay = await stage.stack.demo({ past: 'memory:' });
   const page = await stage.open(`${relay.url}/#/r/demo`, {
-    preload: CATCH_DOWNLOAD,
+    preload: KEEP_SAVED,
     viewport: { width: 1366, height: 768 },
   });
   await shows(page, 'LIVE');
@@ -86,15 +77,11 @@ it('the tutorial finds the fault, looks back at it, links to it and saves it', a
   await until('measured', holds(page, `${testId('save-go')}?.disabled === false`), 30_000);
   await page.evaluate(`${testId('save-go')}.click()`);
   await until('saved', async () => /^Saved: .*\.posecast/.test(await textOf(page, 'save-outcome')), 60_000);
-  const bytes = await page.evaluate<string>(`new Promise((resolve) => {
-    const reader = new FileReader();
-    reader.onload = () => resolve(reader.result.slice(reader.result.indexOf(',') + 1));
-    reader.readAsDataURL(window.saved);
-  })`);
+  const { bytes } = await newestSaved(page);
   const folder = mkdtempSync(path.join(tmpdir(), 'posecast-'));
   try {
     const file = path.join(folder, 'fault.posecast');
-    writeFileSync(file, Buffer.from(bytes, 'base64'));
+    writeFileSync(file, bytes);
     await page.press('Escape');
     await page.dropFiles({ x: 400, y: 300 }, [file]);
     await shows(page, 'RECORDED');

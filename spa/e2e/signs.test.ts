@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import type { Process } from './process.ts';
-import { body, drawsNothing, finest, gone, holds, is, renderedFrames, there } from './robot_page.ts';
+import { body, drawsNothing, enter, finest, gone, holds, is, renderedFrames, there } from './robot_page.ts';
 import { choose, DEMO, demoAt, FAULT, labels, shown, signs } from './sign_words.ts';
 import type { Relay, Sample } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
@@ -191,13 +191,7 @@ describe('limits', () => {
     };
     await openLimits();
     const high = '[data-testid="limit-ftf-RF.fz"] .number-field:nth-of-type(2) input';
-    const type = (text: string) =>
-      page.evaluate(`(() => {
-        for (const details of document.querySelectorAll('.limits details')) details.open = true;
-        const input = document.querySelector(${JSON.stringify(high)});
-        Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, ${JSON.stringify(text)});
-        input.dispatchEvent(new Event('input', { bubbles: true }));
-      })()`);
+    const type = (text: string) => enter(page, `document.querySelector(${JSON.stringify(high)})`, text);
     await type('100');
     await until('a fault', async () => (await foot())?.level === 'fault');
     expect(await page.evaluate(`document.querySelector('[data-sign="wrench-RF"]').dataset.level`)).toBe(
