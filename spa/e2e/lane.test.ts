@@ -174,49 +174,52 @@ const saidOfFaults = (page: Page) =>
     };
   })()`);
 
-it('who comes to a full relay is told the faults of before, as who has a place, and keeps them with a place', async () => {
-  const relay = await stage.stack.relay({ past: 'memory:', maxViewers: 1 });
-  const { source } = stage.stack.fedEdge(relay, KNEE, { profile: 'demo' });
-  const open = async (by: 'websocket' | 'segments') => {
-    const page = await stage.open(`${relay.url}/#/r/demo`, {
-      viewport: { width: 1280, height: 800 },
-      preload: `${LIGHT};${RECORD};${SHOWN}`,
-    });
-    await until(`by ${by}`, async () => (await carrier(page)) === by, 60_000);
-    return page;
-  };
-  const first = await open('websocket');
-  await until('LIVE', is(first, 'LIVE'));
-  for (const times of [null, '2nd time', '3rd time']) {
-    source.write(JSON.stringify({ ...JAMMED, once: true }));
-    await until(`${times}`, async () => {
-      const said = await saidOfFaults(first);
-      return /^Earlier: /.test(said.line) && said.times === times;
-    });
-    await goesOn(first, 30); // two faults within a second may count as one
-  }
-  for (const page of [first]) await page.findByRole('tab', 'Alarms').click();
-  const told = await saidOfFaults(first);
-  expect(told.listed).toHaveLength(6);
+it.skipIf(!FULL)(
+  'who comes to a full relay is told the faults of before, as who has a place, and keeps them with a place',
+  async () => {
+    const relay = await stage.stack.relay({ past: 'memory:', maxViewers: 1 });
+    const { source } = stage.stack.fedEdge(relay, KNEE, { profile: 'demo' });
+    const open = async (by: 'websocket' | 'segments') => {
+      const page = await stage.open(`${relay.url}/#/r/demo`, {
+        viewport: { width: 1280, height: 800 },
+        preload: `${LIGHT};${RECORD};${SHOWN}`,
+      });
+      await until(`by ${by}`, async () => (await carrier(page)) === by, 60_000);
+      return page;
+    };
+    const first = await open('websocket');
+    await until('LIVE', is(first, 'LIVE'));
+    for (const times of [null, '2nd time', '3rd time']) {
+      source.write(JSON.stringify({ ...JAMMED, once: true }));
+      await until(`${times}`, async () => {
+        const said = await saidOfFaults(first);
+        return /^Earlier: /.test(said.line) && said.times === times;
+      });
+      await goesOn(first, 30); // two faults within a second may count as one
+    }
+    await first.findByRole('tab', 'Alarms').click();
+    const told = await saidOfFaults(first);
+    expect(told.listed).toHaveLength(6);
 
-  const second = await open('segments');
-  await second.findByRole('tab', 'Alarms').click();
-  const agrees = async (page: Page) => JSON.stringify(await saidOfFaults(page)) === JSON.stringify(told);
-  await until('the same in the lane', () => agrees(second), 60_000).catch(async () =>
-    expect(await saidOfFaults(second)).toEqual(told),
-  );
-  await first.close();
-  await until(
-    'a place',
-    async () => {
-      await nudge(second);
-      return until('a place', async () => (await carrier(second)) === 'websocket', 3000).catch(() => false);
-    },
-    60_000,
-  );
-  await goesOn(second);
-  expect(await saidOfFaults(second), 'nothing twice').toEqual(told);
-});
+    const second = await open('segments');
+    await second.findByRole('tab', 'Alarms').click();
+    const agrees = async (page: Page) => JSON.stringify(await saidOfFaults(page)) === JSON.stringify(told);
+    await until('the same in the lane', () => agrees(second), 60_000).catch(async () =>
+      expect(await saidOfFaults(second)).toEqual(told),
+    );
+    await first.close();
+    await until(
+      'a place',
+      async () => {
+        await nudge(second);
+        return until('a place', async () => (await carrier(second)) === 'websocket', 3000).catch(() => false);
+      },
+      60_000,
+    );
+    await goesOn(second);
+    expect(await saidOfFaults(second), 'nothing twice').toEqual(told);
+  },
+);
 
 describe.skipIf(!FULL)('in the lane', () => {
   /** A relay whose only place is taken, and a page in the lane. */
