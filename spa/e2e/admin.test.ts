@@ -1,17 +1,17 @@
 /** The operator's admin page, with a real relay and its robots file. */
 
 import { execFileSync } from 'node:child_process';
-import { mkdirSync, readFileSync } from 'node:fs';
+import { readFileSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { violations } from './axe.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
+import { holds } from './robot_page.ts';
 import { REPO, type Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const KOREAN = 'Object.defineProperty(navigator, "language", { get: () => "ko-KR" })';
 
 interface Lab {
@@ -21,8 +21,8 @@ interface Lab {
 }
 
 /** A relay with two robots in its file, one of them on air. */
-async function startLab(): Promise<Lab> {
-  const file = path.join(stage.stack.folder(), 'robots.toml');
+const startLab = stage.share(async (stack): Promise<Lab> => {
+  const file = path.join(stack.folder(), 'robots.toml');
   const robots = (...words: readonly string[]) =>
     execFileSync(path.join(REPO, '.venv/bin/posecast-relay'), ['robots', ...words, '--robots', file], {
       encoding: 'utf8',
@@ -32,10 +32,10 @@ async function startLab(): Promise<Lab> {
   robots('set', 'demo', '--anyone', 'nothing', '--link', 'view=public');
   robots('add', 'arm-in-the-other-hall-behind-the-blue-door', '--private', '--days', '30');
   const secret = robots('admin').trim();
-  const relay = await stage.stack.relay({ robots: file });
-  stage.stack.edge(relay);
+  const relay = await stack.relay({ robots: file });
+  stack.edge(relay);
   return { relay, secret, robots };
-}
+});
 
 const run = (page: Page, script: string) => page.evaluate<string>(script);
 const act = (page: Page, statement: string) => page.evaluate(`(() => { ${statement}; return null; })()`);
@@ -43,7 +43,7 @@ const says = (page: Page, words: string) => async () => (await page.text()).incl
 
 async function open(page: Page, lab: Lab, secret = lab.secret): Promise<void> {
   await page.open(`${lab.relay.url}/admin`);
-  await until('the door', () => page.evaluate<boolean>('document.activeElement?.id === "credential"'));
+  await until('the door', holds(page, 'document.activeElement?.id === "credential"'));
   await act(page, `document.getElementById('credential').value = ${JSON.stringify(secret)}`);
   await page.press('Enter');
 }
@@ -90,7 +90,7 @@ describe('the page /admin', () => {
       (await fetch(`${lab.relay.url}/api/v1/robots/demo/state`, { headers: { authorization } })).status;
     await until('it is good', async () => (await see()) === 200);
 
-    await until('it may be revoked', () => page.evaluate<boolean>(`!${button('demo', 1)}.hidden`));
+    await until('it may be revoked', holds(page, `!${button('demo', 1)}.hidden`));
     await act(page, `${button('demo', 1)}.click()`);
     expect(await run(page, `${button('demo', 1)}.textContent`)).toBe('Really revoke all?');
     expect(await see(), 'one click is not enough').toBe(200);
@@ -110,7 +110,7 @@ describe('the page /admin', () => {
     expect(await run(page, 'document.cookie')).toBe('');
     expect(await run(page, 'document.documentElement.outerHTML')).not.toContain(lab.secret);
     await page.reload();
-    await until('it asks again', () => page.evaluate<boolean>('!document.getElementById("door").hidden'));
+    await until('it asks again', holds(page, '!document.getElementById("door").hidden'));
     expect(await page.text()).not.toContain('online');
     await open(page, lab);
     await until('open', says(page, 'online'));
@@ -120,22 +120,18 @@ describe('the page /admin', () => {
 
   it('can be read and used on a phone, in both themes, and in Korean', async () => {
     const lab = await startLab();
-    mkdirSync(SHOTS, { recursive: true });
     for (const [name, viewport, scheme, preload, word] of [
       ['phone_dark', { width: 360, height: 740 }, 'dark', '', 'Robots'],
       ['phone_korean', { width: 360, height: 740 }, 'light', KOREAN, '로봇'],
       ['laptop_light', { width: 1280, height: 800 }, 'light', '', 'Robots'],
     ] as const) {
-      const page = await stage.newPage({ viewport, media: { scheme }, preload });
-      await page.open(`${lab.relay.url}/admin`);
-      await until('the door', () => page.evaluate<boolean>('document.activeElement?.id === "credential"'));
+      const page = await stage.open(`${lab.relay.url}/admin`, { viewport, media: { scheme }, preload });
+      await until('the door', holds(page, 'document.activeElement?.id === "credential"'));
       expect(await violations(page), `${name}: the door`).toEqual([]);
       await open(page, lab);
       await until(name, says(page, word));
       await act(page, `${button('demo', 0)}.click()`);
-      await until('a link', () =>
-        page.evaluate<boolean>(`!document.querySelector('li[data-robot="demo"] input').hidden`),
-      );
+      await until('a link', holds(page, `!document.querySelector('li[data-robot="demo"] input').hidden`));
       expect(
         await page.evaluate('document.documentElement.scrollWidth <= innerWidth'),
         `${name}: nothing is cut`,
@@ -143,7 +139,7 @@ describe('the page /admin', () => {
       const low = `[...document.querySelectorAll('button, input')].filter((each) => each.offsetParent !== null && each.offsetHeight < 44).length`;
       expect(await page.evaluate(low), `${name}: for fingers`).toBe(0);
       expect(await violations(page), name).toEqual([]);
-      await page.screenshot(path.join(SHOTS, `admin_${name}.png`));
+      await page.screenshot(`admin_${name}.png`);
     }
   });
 

@@ -4,7 +4,7 @@ import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
-import { whole } from './robot_page.ts';
+import { holds, whole } from './robot_page.ts';
 import { setStage } from './stage.ts';
 import { ClockRobot } from './truth.ts';
 
@@ -111,7 +111,7 @@ it('chip, banner and body agree in every picture, whatever happens to the robot,
         );
         await until('LIVE after being held up', is(page, 'LIVE'), 30_000);
       }
-    await until('held up four times', () => page.evaluate<boolean>('window.heldUp === 4'), 30_000);
+    await until('held up four times', holds(page, 'window.heldUp === 4'), 30_000);
     robot.source.signal('SIGSTOP');
     await until('STALE', is(page, 'STALE'), 30_000);
     const cutPx = `(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth)(document.querySelector('.chip-detail'))`;

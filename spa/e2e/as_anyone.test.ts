@@ -1,14 +1,14 @@
 import { execFileSync } from 'node:child_process';
-import { mkdirSync, writeFileSync } from 'node:fs';
+import { writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
+import { there } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const POLICY = `[robots.demo.anyone]\nhz = 2\n[robots.demo.link]\n[robots.hidden.link]\n`;
 
 const granted = (page: Page) => page.evaluate<number | null>('window.posecast?.link?.granted_hz ?? null');
@@ -23,32 +23,28 @@ describe.skipIf(!FULL)('who may see more', () => {
     };
     const address = link('demo');
     const hidden = link('hidden');
-    const relay = await stage.stack.relay({ robots });
-    stage.stack.edge(relay);
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/${address}`);
+    const relay = await stage.stack.demo({ robots });
+    const page = await stage.open(`${relay.url}/${address}`);
     await until('all of it', async () => (await granted(page)) === 30, 30_000);
     expect(await page.findByTestId('as-anyone').count()).toBe(0);
 
     await page.press('s');
-    await until('the sheet', async () => (await page.findByTestId('seen-by-anyone').count()) === 1);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'seen-by-anyone-laptop.png'));
+    await until('the sheet', there(page, 'seen-by-anyone'));
+    await page.screenshot('seen-by-anyone-laptop.png');
     await page.findByTestId('seen-by-anyone').click();
     await page.loaded();
     await until('what anyone gets', async () => (await granted(page)) === 2, 30_000);
-    await until('it says so', async () => (await page.findByTestId('as-anyone').count()) === 1);
-    await page.screenshot(path.join(SHOTS, 'as-anyone-laptop.png'));
+    await until('it says so', there(page, 'as-anyone'));
+    await page.screenshot('as-anyone-laptop.png');
     await page.viewport({ width: 390, height: 844 });
-    await page.screenshot(path.join(SHOTS, 'as-anyone-phone.png'));
+    await page.screenshot('as-anyone-phone.png');
 
     await page.findByRole('link', /back to your view/i).click();
     await page.loaded();
     await until('all of it again', async () => (await granted(page)) === 30, 30_000);
     expect(await page.findByTestId('as-anyone').count()).toBe(0);
 
-    const other = await stage.newPage();
-    await other.open(`${relay.url}/?as=anyone${hidden}`);
+    const other = await stage.open(`${relay.url}/?as=anyone${hidden}`);
     await until(
       'nothing to be seen',
       async () =>

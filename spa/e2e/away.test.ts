@@ -2,7 +2,7 @@ import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
-import { liveness } from './robot_page.ts';
+import { is, there } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
@@ -11,7 +11,6 @@ const stage = setStage();
 const SAVES_DATA = `Object.defineProperty(navigator, 'connection', { value: { saveData: true }, configurable: true })`;
 
 const triangles = (page: Page) => page.evaluate<number>('window.posecast?.scene?.triangles ?? 0');
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 /** The file of the light view. */
 const LIGHT = 'light';
 const has = (page: Page, part: string) => page.requested.some((url) => url.includes(`/${part}-`));
@@ -21,8 +20,7 @@ const draw = (page: Page, how: 'light' | '3d') =>
 
 /** A page that watches a robot over a connection that the test can cut, including the page's own files. */
 async function watched(preload = ''): Promise<{ page: Page; link: FaultyLink }> {
-  const relay = await stage.stack.relay();
-  stage.stack.edge(relay);
+  const relay = await stage.stack.demo();
   const link = await FaultyLink.open(relay.port);
   const page = await stage.newPage({ preload, viewport: { width: 900, height: 600 } });
   page.forgive(
@@ -43,7 +41,7 @@ it('a body whose code did not come while the relay was away is there when the re
     link.cut(true);
     await until('STALE', is(page, 'STALE'), 30_000);
     await draw(page, 'light');
-    await until('says so', async () => (await page.findByTestId('no-scene').count()) === 1, 30_000);
+    await until('says so', there(page, 'no-scene'), 30_000);
     expect(await page.findByTestId('no-scene').text()).toMatch(/did not load. Trying again.*Try now/);
     await page.findByTestId('try-now').click();
     expect(await triangles(page)).toBe(0);

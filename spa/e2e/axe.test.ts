@@ -4,7 +4,7 @@ import { violations } from './axe.ts';
 import type { Page, PageOptions } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { LOOKS, SIZES, showIn } from './layout/sizes.ts';
-import { hasSkin, resting } from './robot_page.ts';
+import { gone, hasSkin, holds, resting } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
 import { REPO, type Relay } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
@@ -191,9 +191,7 @@ describe('axe finds nothing', () => {
     await page.press('Escape');
     for (const name of ['Sensors', 'Plots', 'Alarms']) {
       await tab(name);
-      await until(name, () =>
-        page.evaluate<boolean>(`document.querySelector('#panel-${name} :is(td, canvas, li)') !== null`),
-      );
+      await until(name, holds(page, `document.querySelector('#panel-${name} :is(td, canvas, li)') !== null`));
       await looks.at(name);
     }
     for (const [name, key] of [
@@ -204,7 +202,7 @@ describe('axe finds nothing', () => {
       await looks.testId(name);
       await looks.at(name);
       await page.press('Escape');
-      await until('gone', async () => (await page.findByTestId(name).count()) === 0);
+      await until('gone', gone(page, name));
     }
     await page.evaluate('[...document.querySelectorAll("header.top .icon-button")].at(-1).click()');
     await looks.testId('limits');

@@ -1,4 +1,3 @@
-import { mkdirSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
@@ -11,7 +10,6 @@ import { FULL, setStage } from './stage.ts';
 const stage = setStage();
 
 const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const SIZE = { width: 600, height: 400 };
 
 const note = (page: Page) =>
@@ -46,8 +44,7 @@ describe('values that make no sense', () => {
     );
     await until('at rest', () => resting(page));
     expect(await shin(page)).toEqual(before);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'unread.png'));
+    await page.screenshot('unread.png');
 
     source.write(JSON.stringify({ pos: { RKN: 40, LKN: 0.4 } }));
     await until('read again', async () => (await note(page)) === quiet, 30_000);

@@ -4,7 +4,7 @@ import { expect, it } from 'vitest';
 import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { hasSkin, liveness, resting } from './robot_page.ts';
+import { hasSkin, is, resting } from './robot_page.ts';
 import { choose, DEMO, demoAt, labels, type Moment, shown } from './sign_words.ts';
 import { setStage } from './stage.ts';
 
@@ -47,7 +47,7 @@ function balanceWith(page: Page, what: string, holds: (balance: Balance) => bool
 }
 
 async function atRest(page: Page): Promise<void> {
-  await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
+  await until('HOLDING', is(page, 'HOLDING'), 30_000);
   await until('rest', () => resting(page), 60_000);
 }
 
@@ -65,8 +65,7 @@ function onOneFoot({ ftf = {}, ftm = {}, ...moment }: Moment): Moment {
 it('a robot with all its signs of balance', async () => {
   const relay = await stage.stack.relay();
   const { source, edge } = stage.stack.fedEdge(relay, STANDING, DEMO);
-  const page = await stage.newPage({ preload: COUNT_DRAWS });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { preload: COUNT_DRAWS });
   await shown(page);
   await choose(page, { balance: 'off' });
   await until('skin', () => hasSkin(page), 60_000);
@@ -116,7 +115,7 @@ it('a robot with all its signs of balance', async () => {
   source.write(JSON.stringify(STANDING));
   await until('a margin again', async () => (await labels(page)).includes(`margin: ${mm} mm`));
   edge.signal('SIGSTOP');
-  await until('an old pose', async () => ['STALE', 'OFFLINE'].includes(await liveness(page)), 60_000);
+  await until('an old pose', is(page, 'STALE', 'OFFLINE'), 60_000);
   await until('a grey label', () =>
     page.evaluate<boolean>(`document.querySelector('[data-sign="margin"]')?.dataset.old === 'true'`),
   );

@@ -1,27 +1,13 @@
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness, tapped } from './robot_page.ts';
+import { enter, gone, holds, is, KEEP_SAVED, newestSaved, savedCount, tapped, there } from './robot_page.ts';
 import { DEMO, demoAt, type Moment } from './sign_words.ts';
-import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 /** The light view draws the same texts, and is faster. */
 const LIGHT = `try { if (localStorage.getItem('posecast.settings') === null) localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
-/** Records what is saved. */
-const SAVES = `(() => {
-  window.saved = [];
-  const make = URL.createObjectURL;
-  URL.createObjectURL = (blob) => {
-    if (blob.type === 'text/csv') blob.text().then((text) => window.saved.push(text));
-    return make.call(URL, blob);
-  };
-})()`;
-
 const LAPTOP = { width: 1280, height: 800 };
 const STANDING_S = 2;
 const LEANING_S = 58;
@@ -64,7 +50,7 @@ const robot = stage.share(async (stack) => {
 });
 const watched = stage.share(async (_, newPage) => {
   const { relay } = await robot();
-  const page = await newPage({ preload: `${LIGHT};${SAVES}`, viewport: LAPTOP });
+  const page = await newPage({ preload: `${LIGHT};${KEEP_SAVED}`, viewport: LAPTOP });
   await page.open(`${relay.url}/#/r/demo`);
   return page;
 });
@@ -74,7 +60,7 @@ async function standing() {
   const { relay, source } = await robot();
   source.write(JSON.stringify(demoAt(STANDING_S)));
   const page = await watched();
-  await until('it stands', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)), 60_000);
+  await until('it stands', is(page, 'LIVE', 'HOLDING'), 60_000);
   await says(page, 'inside', INSIDE);
   return { relay, source, page };
 }
@@ -82,12 +68,9 @@ async function standing() {
 it('on a laptop the sentence stands on one line, in the middle of the body', async () => {
   const { relay, source } = await robot();
   source.write(JSON.stringify(demoAt(LEANING_S)));
-  const page = await stage.newPage({ viewport: { width: 1440, height: 900 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1440, height: 900 } });
   await says(page, 'inside', /inside the area/);
-  await until('roll and pitch', () =>
-    page.evaluate<boolean>(`document.querySelector('.stage-level')?.offsetWidth > 0`),
-  );
+  await until('roll and pitch', holds(page, `document.querySelector('.stage-level')?.offsetWidth > 0`));
   const [height, off] = await page.evaluate<[number, number]>(`(() => {
     const line = document.querySelector('.stage .balance-line').getBoundingClientRect();
     const stage = document.querySelector('.stage').getBoundingClientRect();
@@ -110,8 +93,7 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
     async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)),
     30_000,
   );
-  mkdirSync(SHOTS, { recursive: true });
-  await page.screenshot(path.join(SHOTS, 'balance-words.png'));
+  await page.screenshot('balance-words.png');
 
   source.write(JSON.stringify(demoAt(LEANING_S)));
   await until('amber', async () => (await line(page))?.level === 'caution', 30_000);
@@ -139,7 +121,7 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
   source.write(JSON.stringify(without('LF', without('RF', moment))));
   await says(page, 'no foot again', /^No foot bears weight\.$/);
   source.signal('SIGSTOP');
-  await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+  await until('STALE', is(page, 'STALE'), 30_000);
   await says(page, 'the past tense', /^No foot bore weight\.$/);
   expect((await line(page))?.level).toBe('old');
   source.signal('SIGCONT');
@@ -164,7 +146,7 @@ it('the menu switches it off and on, says why it can’t be, and explains it; so
   const press = (selector: string) =>
     page.evaluate(`document.querySelector(${JSON.stringify(selector)}).click()`);
   await press('[data-testid=signs] button');
-  await until('the entry', async () => (await page.findByTestId('balance-entry').count()) === 1);
+  await until('the entry', there(page, 'balance-entry'));
   expect(await page.findByTestId('balance-entry').text()).toMatch(/^Balance/);
   const kept = () =>
     page.evaluate<string>(`JSON.parse(localStorage.getItem('posecast.settings') ?? '{}').balance`);
@@ -174,16 +156,16 @@ it('the menu switches it off and on, says why it can’t be, and explains it; so
   await press('[data-testid=balance-entry] input');
   await says(page, 'again', /inside/);
   expect(await kept(), 'as it is by itself').toBe('auto');
-  await page.screenshot(path.join(SHOTS, 'balance-menu.png'));
+  await page.screenshot('balance-menu.png');
   await page.press('Escape');
-  await until('no menu', async () => (await page.findByTestId('balance-entry').count()) === 0);
+  await until('no menu', gone(page, 'balance-entry'));
 });
 
 it('its margin goes into a plot with all of the minute, into the table that is saved, and has limits', async () => {
   const { source, page } = await standing();
   await page.findByRole('tab', 'Sensors').click();
-  await until('its numbers', async () => (await page.findByTestId('balance-table').count()) === 1);
-  await page.screenshot(path.join(SHOTS, 'balance-sensors.png'));
+  await until('its numbers', there(page, 'balance-table'));
+  await page.screenshot('balance-sensors.png');
   await page.findByTestId('plot-margin').click();
   await page.findByRole('tab', /^Plots/).click();
   const value = () =>
@@ -191,27 +173,21 @@ it('its margin goes into a plot with all of the minute, into the table that is s
       `document.querySelector('[data-testid=trace][data-field=balance] .c-num')?.textContent.trim() ?? ''`,
     );
   await until('a number', async () => /^\d+\.\d$/.test(await value()));
-  await page.screenshot(path.join(SHOTS, 'balance-plot.png'));
+  await page.screenshot('balance-plot.png');
   const csv = await until('a table of several margins', async () => {
+    const before = await savedCount(page);
     await page.findByTestId('plot-csv').click();
-    const saved = await page.evaluate<string>("window.saved.at(-1) ?? ''");
+    await until('it is saved', async () => (await savedCount(page)) > before);
+    const saved = new TextDecoder().decode((await newestSaved(page)).bytes);
     return saved.split('\r\n').filter((row) => /,\d+(\.\d+)?$/.test(row)).length > 5 ? saved : null;
   });
   expect(csv.split('\r\n')[0]).toBe('"time","Balance: margin [mm]"');
 
   const low = '[data-testid="limit-balance-margin"] .number-field:nth-of-type(1) input';
   await page.findByRole('button', 'Settings').click();
-  await until('limits', () =>
-    page.evaluate<boolean>(`document.querySelector(${JSON.stringify(low)}) !== null`),
-  );
-  await page.evaluate(`(() => {
-    const field = document.querySelector(${JSON.stringify(low)});
-    field.closest('details').open = true;
-    const set = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set;
-    set.call(field, '99');
-    field.dispatchEvent(new Event('input', { bubbles: true }));
-  })()`);
-  await page.screenshot(path.join(SHOTS, 'balance-limits.png'));
+  await until('limits', holds(page, `document.querySelector(${JSON.stringify(low)}) !== null`));
+  await enter(page, `document.querySelector(${JSON.stringify(low)})`, '99');
+  await page.screenshot('balance-limits.png');
   await page.press('Escape');
   await until('red by that limit', async () => (await line(page))?.level === 'fault');
   await page.findByRole('tab', 'Alarms').click();
@@ -239,16 +215,17 @@ it('large where it is presented, slim in a frame, short beside others; how much 
   );
   await page.press('Escape');
   await page.press('p');
-  await until('presented', () =>
-    page.evaluate<boolean>(`/inside/.test(document.querySelector('.present-balance')?.textContent ?? '')`),
+  await until(
+    'presented',
+    holds(page, `/inside/.test(document.querySelector('.present-balance')?.textContent ?? '')`),
   );
-  await page.screenshot(path.join(SHOTS, 'balance-presented.png'));
+  await page.screenshot('balance-presented.png');
   await page.press('Escape');
 
   await page.viewport({ width: 360, height: 300 });
   await page.open(`${relay.url}/embed/#/r/demo`);
   await says(page, 'in a frame', /inside/);
-  await page.screenshot(path.join(SHOTS, 'balance-embed.png'));
+  await page.screenshot('balance-embed.png');
 
   await page.viewport(LAPTOP);
   await page.open(`${relay.url}/r/demo+nobody`);
@@ -257,5 +234,5 @@ it('large where it is presented, slim in a frame, short beside others; how much 
       `document.querySelector('[data-testid=line-demo] .balance-line')?.textContent ?? ''`,
     );
   await until('beside others', async () => /^\d+\u00a0mm inside$/.test(await brief()), 60_000);
-  await page.screenshot(path.join(SHOTS, 'balance-row.png'));
+  await page.screenshot('balance-row.png');
 });

@@ -1,16 +1,12 @@
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page, Point, Viewport } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import type { Process } from './process.ts';
-import { hasSkin, resting, tapped } from './robot_page.ts';
+import { hasSkin, holds, resting, tapped } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
-import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PHONE = { width: 390, height: 844 };
 const LAPTOP = { width: 1280, height: 800 };
 
@@ -18,10 +14,9 @@ const LAPTOP = { width: 1280, height: 800 };
 async function jammed(viewport: Viewport): Promise<{ page: Page; source: Process }> {
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, demoAt(42), DEMO);
-  const page = await stage.newPage({ viewport });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport });
   await until('a body', () => hasSkin(page), 60_000);
-  await until('its tree', () => page.evaluate<boolean>('window.posecast.scene.tree() !== null'));
+  await until('its tree', holds(page, 'window.posecast.scene.tree() !== null'));
   await page.evaluate(`(() => {
     const { scene } = window.posecast;
     const look = scene.setLinkLook;
@@ -73,9 +68,7 @@ function pointOf(page: Page, link: string): Promise<Point> {
 it('a joint that stalls is found from page load in two taps at most: its row, its link, its card', async () => {
   for (const [name, viewport] of Object.entries(FULL ? { phone: PHONE, laptop: LAPTOP } : { phone: PHONE })) {
     const { page, source } = await jammed(viewport);
-    await until('its row on top', () =>
-      page.evaluate<boolean>('document.querySelector("tbody tr")?.dataset.label === "RKN"'),
-    );
+    await until('its row on top', holds(page, 'document.querySelector("tbody tr")?.dataset.label === "RKN"'));
     await page.findByRole('button', /^RKN$/).click();
     await until('its card', async () => (await cardOf(page)) === 'RKN');
     await until('its link is lit', async () => (await lit(page)).includes('Body_RKN'));
@@ -83,8 +76,7 @@ it('a joint that stalls is found from page load in two taps at most: its row, it
     const knee = await originOf(page, 'Body_RKN');
     await until('the eye is there', async () => apart(await target(page), knee) < 0.005, 60_000);
     await still(page);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, `card-${name}.png`));
+    await page.screenshot(`card-${name}.png`);
 
     await page.press('Escape');
     await until('no card', async () => (await cardOf(page)) === '');
@@ -141,9 +133,7 @@ it('a tapped link finds its row and opens its card, and the eye stays where it i
   // a filter that hides the row is cleared
   await page.evaluate('document.querySelector(".filter").focus()');
   await page.findByTestId('filter').type('shoulder');
-  await until('filtered', () =>
-    page.evaluate<boolean>('document.querySelector(\'tr[data-label="RKN"]\').hidden'),
-  );
+  await until('filtered', holds(page, 'document.querySelector(\'tr[data-label="RKN"]\').hidden'));
   const knee = await pointOf(page, 'Body_RKN');
   await tapped(
     'its row',

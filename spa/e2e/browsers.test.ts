@@ -4,7 +4,7 @@ import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
 import { openBrowser } from './driver/engines.ts';
 import type { Ability, Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { finest, hasSkin, renderedFrames, resting } from './robot_page.ts';
+import { finest, hasSkin, holds, renderedFrames, resting, there } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
@@ -43,10 +43,9 @@ describe("the README's table of browsers", () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, demoAt(1), DEMO); // stands still, so that pictures can be counted
     const touch = stage.browser.lacks.touch === undefined;
-    const page = await stage.newPage({ preload: COUNT_DRAWS, touch });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: COUNT_DRAWS, touch });
     await until('its finest shells', () => finest(page), 60_000);
-    await until('its signs', async () => (await page.findByTestId('level').count()) > 0);
+    await until('its signs', there(page, 'level'));
     await until('it rests', () => resting(page), 60_000);
     const calls = await drawCalls(page);
     const row: BrowserRow = {
@@ -92,9 +91,7 @@ async function withoutWebGl(relay: Relay): Promise<string> {
   try {
     const page = await browser.newPage();
     await page.open(`${relay.url}/#/r/demo`);
-    await until('numbers', () =>
-      page.evaluate<boolean>('document.querySelector("[data-field=pos]") !== null'),
-    );
+    await until('numbers', holds(page, 'document.querySelector("[data-field=pos]") !== null'));
     const flat = await until('the body, or why there is none', async () => {
       if ((await page.findByTestId('no-scene').count()) > 0) return 'table only';
       return (await hasSkin(page)) ? '✓ drawn in 2D, with the table' : null;

@@ -1,16 +1,14 @@
-import { mkdirSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { engineName } from './driver/engines.ts';
 import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { body, drawsNothing, hasSkin, resting, tapped } from './robot_page.ts';
+import { body, drawsNothing, hasSkin, holds, resting, tapped } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 const MODEL = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/model');
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 interface EyePlace {
   readonly position: readonly [number, number, number];
@@ -31,7 +29,7 @@ async function opened(page: Page): Promise<Page> {
   await page.open(`${relay.url}/#/r/demo`);
   await until('a body', () => hasSkin(page), 60_000);
   // the body makes room for its buttons, which load later
-  await until('its buttons', () => page.evaluate<boolean>(`document.querySelector('.stage-tools') !== null`));
+  await until('its buttons', holds(page, `document.querySelector('.stage-tools') !== null`));
   await drawsNothing(page, 1);
   return page;
 }
@@ -119,8 +117,7 @@ describe('the camera under fingers', () => {
     await until('close', async () => (await eye(page)).distance < before.distance / 2);
     const pose = (await body(page))?.links[link] ?? [];
     expect(apart((await eye(page)).target, [pose[3]!, pose[7]!, pose[11]!])).toBeLessThan(1e-6);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, `close-${engineName()}.png`));
+    await page.screenshot(`close-${engineName()}.png`);
     const away = (await linkAt(page, floor)) === null ? floor : { x: 8, y: 60 };
     await page.doubleTap(away);
     await until('back', async () => Math.abs((await eye(page)).distance - before.distance) < 1e-3);

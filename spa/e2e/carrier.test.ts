@@ -2,12 +2,11 @@ import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { type Fault, FaultyLink } from './proxy.ts';
-import { chips, chipText, liveness, RECORD, shownSeq } from './robot_page.ts';
+import { chips, chipText, is, RECORD, SWINGING, shownSeq } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
-const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 /** The browser's message about a WebSocket that a proxy has turned into an ordinary request. */
 const NO_UPGRADE = /WebSocket|status of 40\d/;
 
@@ -22,7 +21,6 @@ async function behind(fault: Fault): Promise<{ link: FaultyLink; page: Page }> {
   return { link, page };
 }
 
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const carrier = (page: Page) => page.evaluate<string | null>('window.posecast?.link?.carrier ?? null');
 
 describe('where no WebSocket gets through', () => {

@@ -21,10 +21,11 @@ const trouble = (page: Page) =>
 
 describe('a WebGL context that is lost', () => {
   it('three times comes back each time with no reload; a fourth time the body is drawn by hand', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: KEEP, viewport: { width: 700, height: 500 } });
-    await page.open(`${relay.url}/#/r/demo`);
+    const relay = await stage.stack.demo();
+    const page = await stage.open(`${relay.url}/#/r/demo`, {
+      preload: KEEP,
+      viewport: { width: 700, height: 500 },
+    });
     await until(
       'a body',
       async () => (await page.evaluate<number>('window.posecast?.scene?.triangles ?? 0')) > 500,

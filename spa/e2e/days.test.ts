@@ -7,7 +7,7 @@ import { Month } from '../tests/rigs/past_month.ts';
 import { violations } from './axe.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { chipText, liveness, whole } from './robot_page.ts';
+import { chipText, enter, holds, is, testId, whole } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -16,20 +16,10 @@ const stage = setStage({ webgl: false });
 const LAPTOP = { width: 1366, height: 768 };
 const LONG_ENOUGH_S = 14;
 
-const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const has = (page: Page, selector: string) => () =>
   page.evaluate<boolean>(`document.querySelector('${selector}') !== null`);
 const text = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
 const momentMs = (page: Page) => page.evaluate<number | null>('window.posecast.twin.moment_ms');
-
-/** Fills a field the way a person types. */
-const type = (page: Page, id: string, value: string) =>
-  page.evaluate(`(() => {
-    const field = ${testId(id)};
-    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(field, '${value}');
-    field.dispatchEvent(new Event('input', { bubbles: true }));
-  })()`);
 
 const DAY_MS = 86_400_000;
 const MIN_MS = 60_000;
@@ -66,7 +56,7 @@ async function visit(): Promise<Page> {
   const page = await watched();
   await until('LIVE', is(page, 'LIVE'), 60_000);
   const long = `(() => { const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${LONG_ENOUGH_S}; })()`;
-  await until(`${LONG_ENOUGH_S} s on the line`, () => page.evaluate<boolean>(long), 60_000);
+  await until(`${LONG_ENOUGH_S} s on the line`, holds(page, long), 60_000);
   return page;
 }
 
@@ -116,8 +106,7 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
   const robots = path.join(stage.stack.folder(), 'robots.toml');
   const policy = '[robots.demo]\nkeep = "30d"\n[robots.demo.anyone]\npast = "30d"\n';
   writeFileSync(robots, policy, { mode: 0o600 });
-  const relay = await stage.stack.relay({ past: `file://${folder}`, robots });
-  stage.stack.edge(relay);
+  const relay = await stage.stack.demo({ past: `file://${folder}`, robots });
   await until(
     'twenty days',
     async () => {
@@ -127,8 +116,7 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
     60_000,
   );
 
-  const page = await stage.newPage({ viewport: LAPTOP });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: LAPTOP });
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('a body', () => whole(page), 60_000);
   await until('a line', has(page, '.track-ticks text'), 60_000);
@@ -138,14 +126,14 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
   // two taps
   await page.press('g');
   const hour = `[...document.querySelectorAll('.moment-hours button')].findLast((each) => each.ariaLabel.includes('yesterday'))`;
-  await until('an hour of yesterday', () => page.evaluate<boolean>(`${hour} !== undefined`), 30_000);
+  await until('an hour of yesterday', holds(page, `${hour} !== undefined`), 30_000);
   await page.evaluate(`${hour}.click()`);
   await until('PAST', is(page, 'PAST'), 30_000);
   await until('yesterday', async () => {
     const agoMs = nowMs - ((await momentMs(page)) ?? nowMs);
     return agoMs > DAY_MS - MIN_MS && agoMs < DAY_MS + 17 * MIN_MS;
   });
-  await until('a pose of then', () => page.evaluate<boolean>('window.posecast.twin.seq !== null'));
+  await until('a pose of then', holds(page, 'window.posecast.twin.seq !== null'));
 
   // a week
   const scale = () => page.evaluate<string>(`${testId('scale')}.value`);
@@ -230,7 +218,7 @@ it('one goes to a moment by its time, to an hour by two taps, and by the keyboar
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
   await until('today, with an hour of it', has(page, '.moment-hours button'));
   const clock = new Date(wantedMs).toTimeString().slice(0, 8);
-  await type(page, 'moment-time', clock);
+  await enter(page, testId('moment-time'), clock);
   await until(
     'it was recorded',
     async () => (await text(page, 'moment-hint')) === 'This moment was recorded.',
@@ -245,7 +233,7 @@ it('one goes to a moment by its time, to an hour by two taps, and by the keyboar
   // the clock time of then leads there too
   await page.evaluate(`document.querySelector('.transport-moment').click()`);
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
-  await type(page, 'moment-date', '2001-02-03');
+  await enter(page, testId('moment-date'), '2001-02-03');
   await until('the oldest', async () => /^That is no longer kept/.test(await text(page, 'moment-hint')));
   await page.evaluate(`document.querySelector('.moment-hours button').click()`);
   await until('the oldest of that hour', async () => (await momentMs(page))! < wantedMs);

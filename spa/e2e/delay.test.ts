@@ -2,18 +2,17 @@ import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { type Fault, FaultyLink } from './proxy.ts';
-import { chips, chipText, liveness, RECORD, shownSeq } from './robot_page.ts';
+import { chips, chipText, is, RECORD, SWINGING, shownSeq } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 const swinging = stage.share(async (stack) => {
   const relay = await stack.relay();
   stack.fedEdge(relay, SWINGING);
   return relay;
 });
-const LOOKS = 40;
+const LOOKS = 15;
 /** The browser's message about a WebSocket that a proxy has turned into an ordinary request, or that does not open in time. */
 const NO_UPGRADE = /WebSocket|status of 40\d/;
 
@@ -39,8 +38,6 @@ async function look(page: Page, begins = (_text: string) => false): Promise<stri
   }
   return texts;
 }
-
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 
 describe.each([
   ['websocket', {}],

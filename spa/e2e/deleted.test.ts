@@ -5,7 +5,7 @@ import { promisify } from 'node:util';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness } from './robot_page.ts';
+import { holds, is } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -26,7 +26,7 @@ const textOf = (page: Page, id: string) =>
 async function lastFaults(page: Page): Promise<string> {
   await page.press('g');
   const tab = 'document.querySelectorAll(".moment-ways input")[1]';
-  await until('the sheet', () => page.evaluate<boolean>(`${tab} !== undefined`), 30_000);
+  await until('the sheet', holds(page, `${tab} !== undefined`), 30_000);
   await page.evaluate(`${tab}.click()`);
   await until(
     'all of them',
@@ -44,18 +44,17 @@ it('a stretch that was deleted leaves an open page, and does not come back with 
   const past = `file://${stage.stack.folder()}`;
   const relay = await stage.stack.relay({ past, robots });
   const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
-  const page = await stage.newPage({ viewport: { width: 1366, height: 768 } });
-  await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1366, height: 768 } });
+  await until('LIVE', is(page, 'LIVE'), 60_000);
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   await until('the fault', async () =>
     /^Earlier: Right knee is blocked/.test(await textOf(page, 'fault-line')),
   );
   const isMarked = 'document.querySelector(".track-mark[data-level=fault]") !== null';
-  await until('its mark', () => page.evaluate<boolean>(isMarked), 60_000);
+  await until('its mark', holds(page, isMarked), 60_000);
   expect(await lastFaults(page)).toContain('Right knee');
   await page.press('b');
-  await until('PAST', async () => (await liveness(page)) === 'PAST');
+  await until('PAST', is(page, 'PAST'));
   await page.press(' ');
   const momentMs = () => page.evaluate<number | null>('window.posecast.twin.moment_ms');
   await until('its moment', async () => (await momentMs()) !== null);
@@ -74,11 +73,11 @@ it('a stretch that was deleted leaves an open page, and does not come back with 
   expect(await page.evaluate<boolean>(isMarked)).toBe(false);
   expect(await lastFaults(page)).toContain('No faults in what is kept.');
   await page.press('e');
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  await until('LIVE', is(page, 'LIVE'));
   await until('none of it', async () => (await textOf(page, 'fault-line')) === 'No faults');
 
   await page.open(`${relay.url}/?again#/r/demo?t=${time(faultMs)}`);
-  await until('PAST', async () => (await liveness(page)) === 'PAST', 60_000);
+  await until('PAST', is(page, 'PAST'), 60_000);
   await until('another moment', async () => ((await momentMs()) ?? 0) >= faultMs, 60_000);
   expect(await lastFaults(page)).toContain('No faults in what is kept.');
 }, 400_000);

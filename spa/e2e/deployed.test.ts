@@ -2,7 +2,7 @@ import { describe, it } from 'vitest';
 import { CLOUD } from './cloud.ts';
 import { engineName } from './driver/engines.ts';
 import { until } from './driver/until.ts';
-import { hasSkin, liveness, RECORD, shownPositions, shownSeq } from './robot_page.ts';
+import { hasSkin, is, RECORD, shownPositions, shownSeq } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
@@ -12,10 +12,9 @@ describe('a deployed cloud', () => {
     if (CLOUD === null) return context.skip('make compose-test starts one');
     if (engineName() !== 'chromium')
       context.skip('only Chromium takes a certificate of an unknown authority');
-    const page = await stage.newPage({ preload: RECORD });
-    await page.open(`${CLOUD.url}/`);
+    const page = await stage.open(`${CLOUD.url}/`, { preload: RECORD });
     await page.findByRole('link', /demo/i).click();
-    await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
+    await until('LIVE', is(page, 'LIVE', 'HOLDING'));
     await until('a body', () => hasSkin(page), 60_000);
     const first = (await shownSeq(page)) ?? -1;
     await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > first + 30);

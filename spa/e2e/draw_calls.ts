@@ -9,6 +9,8 @@ export interface DrawCalls {
   readonly all: number;
   /** For everything drawn with bones: the robot, and its ghost. */
   readonly bones: number;
+  /** Colours of the picture, if the page fills its pixels. */
+  readonly colors?: number;
 }
 
 /** Runs before the page's own scripts: counts the calls of each picture. */
@@ -25,12 +27,17 @@ export const COUNT_DRAWS = `(() => {
   for (const name of ['drawArrays', 'drawElements', 'drawRangeElements', 'drawArraysInstanced', 'drawElementsInstanced']) {
     const draw = gl[name];
     gl[name] = function (...how) {
-      if (now.all++ === 0) queueMicrotask(close);
+      if (now.all++ === 0) queueMicrotask(() => close(this));
       if (hasBones(this)) now.bones++;
       return draw.apply(this, how);
     };
   }
-  const close = () => {
+  const close = (gl) => {
+    if (window.painting) {
+      const pixels = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+      gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+      now.colors = new Set(new Uint32Array(pixels.buffer)).size;
+    }
     window.pictures.push(now);
     if (window.pictures.length > 50) window.pictures.shift();
     now = { all: 0, bones: 0 };

@@ -5,10 +5,9 @@ import { describe, expect, it } from 'vitest';
 import { binaryStl, collada, cubeSoup, MTL, OBJ, triangleGlb } from '../tests/rigs/mesh_samples.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { REPO } from './stack.ts';
+import { enter, holds, there } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const stage = setStage();
 
 const URDF = `<robot name="arm"><link name="base"><visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>
@@ -24,13 +23,18 @@ const rods = (page: Page) =>
     `Object.keys(window.posecast.scene?.linkPoses() ?? {}).filter((name) => name === 'rod').length`,
   );
 
-const chooses = (page: Page) =>
-  until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1);
+const chooses = (page: Page) => until('the list', there(page, 'choose-zip'));
+
+const opened = stage.share(async (stack, newPage) => {
+  const relay = await stack.relay();
+  return { relay, page: await newPage() };
+});
 
 /** A page that shows the list. */
 async function listed(): Promise<Page> {
-  const relay = await stage.stack.relay();
-  const page = await stage.newPage();
+  const { relay, page } = await opened();
+  await page.viewport({ width: 1280, height: 800 });
+  await page.open('about:blank');
   await page.open(`${relay.url}/#/`);
   await chooses(page);
   return page;
@@ -63,11 +67,7 @@ describe("a robot from one's own computer", () => {
     );
     const height = async () => ((await links()).rod?.[11] ?? 0) - ((await links()).base?.[11] ?? 0);
     expect(await height()).toBe(0);
-    await page.evaluate(`(() => {
-      const slider = document.querySelector('.local-slider input');
-      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(slider, '0.25');
-      slider.dispatchEvent(new Event('input', { bubbles: true }));
-    })()`);
+    await enter(page, `document.querySelector('.local-slider input')`, '0.25');
     await until('the rod lifts', async () => Math.abs((await height()) - 0.25) < 1e-9);
     const strange = page.requested.filter(
       (url) => !/\/$|\/#|assets\/|favicon|config\.json$|api\/v1\/robots$/.test(url),
@@ -93,15 +93,10 @@ describe("a robot from one's own computer", () => {
     await open('1');
     await until('the ball', async () => (await ball()) !== null, 30_000);
     const low = (await ball())![2]!;
-    await page.evaluate(`(() => {
-      const slider = document.querySelector('.local-slider input');
-      Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(slider, '0.4');
-      slider.dispatchEvent(new Event('input', { bubbles: true }));
-    })()`);
+    await enter(page, `document.querySelector('.local-slider input')`, '0.4');
     await until('a quarter of the way', async () => Math.abs((await ball())![2]! - low - 0.1) < 1e-6);
     expect(await entry()).toMatch(/^Balance\s*This model is shown straight from its files/);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'drop-balance.png'));
+    await page.screenshot('drop-balance.png');
     await page.evaluate(`document.querySelector('[data-testid="local-balance"] input').click()`);
     await until('no ball', async () => (await ball()) === null);
     await page.evaluate(`document.querySelector('[data-testid="local-balance"] input').click()`);
@@ -149,11 +144,10 @@ ${mesh('binary', 'd.glb', 4.5)}
     const text = await page.text();
     expect(text).toContain("link '<img src=x onerror=alert(1)>'");
     expect(text).not.toMatch(/no such file|of link '(base|collada|wavefront|binary)'/);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'drop-zoo.png'));
+    await page.screenshot('drop-zoo.png');
     await page.viewport({ width: 390, height: 844 });
-    await until('room', () => page.evaluate<boolean>('document.body.scrollWidth <= 390'));
-    await page.screenshot(path.join(SHOTS, 'drop-zoo-phone.png'));
+    await until('room', holds(page, 'document.body.scrollWidth <= 390'));
+    await page.screenshot('drop-zoo-phone.png');
     expect(
       await page.evaluate<string[]>(`[...document.querySelectorAll('option')].map((o) => o.value)`),
     ).toEqual(['zoo/zoo.urdf', 'zoo/parts/arm.urdf']);
@@ -223,9 +217,7 @@ ${mesh('binary', 'd.glb', 4.5)}
       Object.defineProperty(input, 'files', { value: [file] });
       input.dispatchEvent(new Event('change', { bubbles: true }));
     })()`);
-    await until('a body', () =>
-      page.evaluate<boolean>(`Object.keys(window.posecast.scene?.linkPoses() ?? {}).length === 2`),
-    );
+    await until('a body', holds(page, `Object.keys(window.posecast.scene?.linkPoses() ?? {}).length === 2`));
     await closed(page);
     const bomb = zipSync({ 'a.stl': new Uint8Array(60_000_000) });
     await page.evaluate(

@@ -4,14 +4,13 @@ import { afterEach, beforeEach, describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { Host } from './host.ts';
-import { liveness } from './robot_page.ts';
+import { holds, is, liveness, SWINGING, there } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
 
 const PREFIX = '/~somebody/robots/';
-const SWINGING = { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 
 /** Simulates a newer deployment: every script has a new name, and the old names are gone. */
 function deploy(folder: string): void {
@@ -39,7 +38,7 @@ describe('the page on a host of plain files', () => {
   afterEach(() => host.close());
 
   const config = (said: object) => host.instead.set(`${PREFIX}config.json`, JSON.stringify(said));
-  const isLive = (page: Page) => async () => (await liveness(page)) === 'LIVE';
+  const isLive = (page: Page) => is(page, 'LIVE');
 
   it('reads the relay that config.json names, or one of those it allows, and no other', async () => {
     const [one, two] = [await stage.stack.relay(), await stage.stack.relay()];
@@ -54,11 +53,7 @@ describe('the page on a host of plain files', () => {
     await until('LIVE', isLive(page), 30_000);
 
     await page.open(`${host.url}${PREFIX}?relay=${two.url}#/`);
-    await until(
-      'the robot of the other',
-      async () => (await page.findByTestId('robot-other').count()) === 1,
-      30_000,
-    );
+    await until('the robot of the other', there(page, 'robot-other'), 30_000);
     expect(await page.findByTestId('relay-host').text()).toContain(two.host);
     await page.findByTestId('robot-other').click();
     await until('LIVE', isLive(page), 30_000);
@@ -69,7 +64,7 @@ describe('the page on a host of plain files', () => {
     page.forgive(/Content.Security.Policy|Refused to connect|held back by policy/); // the message differs by browser
 
     await page.open(`${host.url}${PREFIX}?relay=https://evil.example#/r/demo`);
-    await until('refused', async () => (await page.findByTestId('relay-refused').count()) === 1, 30_000);
+    await until('refused', there(page, 'relay-refused'), 30_000);
     expect(await page.findByTestId('relay-refused').text()).toContain('https://evil.example');
   });
 
@@ -86,8 +81,8 @@ describe('the page on a host of plain files', () => {
     await page.open(`${host.url}${PREFIX}#/r/demo`);
     await until('LIVE', isLive(page), 30_000);
     // everything that loads automatically has loaded; later parts would trigger the reload as well
-    await until('its filter', () => page.evaluate<boolean>('document.querySelector(".filter") !== null'));
-    await until('what is said aloud', async () => (await page.findByTestId('spoken').count()) === 1);
+    await until('its filter', holds(page, 'document.querySelector(".filter") !== null'));
+    await until('what is said aloud', there(page, 'spoken'));
     await page.findByTestId('liveness').click();
     await until('why', async () => (await page.findByTestId('liveness-explained').text()) !== '');
     await page.press('Escape');
@@ -102,7 +97,7 @@ describe('the page on a host of plain files', () => {
     expect(await page.evaluate<boolean>('window.before === true')).toBe(false);
     await until('LIVE', isLive(page), 30_000);
     await page.findByRole('button', 'Settings').click();
-    await until('it is there', async () => (await page.findByTestId('settings').count()) === 1);
+    await until('it is there', there(page, 'settings'));
     await page.press('Escape');
 
     const assets = path.join(folder, 'assets');
@@ -111,7 +106,7 @@ describe('the page on a host of plain files', () => {
     );
     await page.evaluate('window.before = true');
     await page.findByRole('button', 'Share').click();
-    await until('said so', async () => (await page.findByTestId('not-here').count()) === 1);
+    await until('said so', there(page, 'not-here'));
     expect(await page.evaluate<boolean>('window.before === true'), 'nothing to be had by loading anew').toBe(
       true,
     );

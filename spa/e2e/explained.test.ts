@@ -1,7 +1,7 @@
 import { expect, it } from 'vitest';
 import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { finest, liveness, tapped } from './robot_page.ts';
+import { finest, holds, is, tapped } from './robot_page.ts';
 import { DEMO, demoAt, signs } from './sign_words.ts';
 import { setStage } from './stage.ts';
 
@@ -38,8 +38,9 @@ const explained = (page: Page) =>
   })()`);
 
 async function asks(page: Page, selector: string, said: RegExp): Promise<void> {
-  await until(`${selector} is there`, () =>
-    page.evaluate<boolean>(`document.querySelector(${JSON.stringify(selector)}) !== null`),
+  await until(
+    `${selector} is there`,
+    holds(page, `document.querySelector(${JSON.stringify(selector)}) !== null`),
   );
   await until(`${selector} explains itself`, async () => {
     if ((await explained(page)) === '') await press(page, selector);
@@ -55,9 +56,8 @@ it('columns, units, flags and sensors explain themselves when they are pressed, 
     { width: 360, height: 640 },
     { width: 1280, height: 800 },
   ]) {
-    const page = await stage.newPage({ viewport });
-    await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    const page = await stage.open(`${relay.url}/#/r/demo`, { viewport });
+    await until('LIVE', is(page, 'LIVE'));
     await asks(page, '.joints thead .c-pos .term', /^pos\|Where the joint is\..*rad.*6\.28 rad.*\|$/s);
     expect(
       await page.evaluate<boolean>('document.activeElement.dataset.explain === "columns.pos"'),
@@ -81,9 +81,8 @@ it('columns, units, flags and sensors explain themselves when they are pressed, 
 
 it('joints are named in plain words where the settings say so', async () => {
   const relay = await jammed();
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  const page = await stage.open(`${relay.url}/#/r/demo`);
+  await until('LIVE', is(page, 'LIVE'));
   const name = () =>
     page.evaluate<string>(`document.querySelector('tr[data-label="RKN"] th button')?.textContent ?? ''`);
   await until('the code', async () => (await name()) === 'RKN');
@@ -122,12 +121,11 @@ it('an arrow that moves explains itself, green and all, by a tap 15 px beside it
   const arm = { pos: { RSP: [0.35, 0.15] }, ftf: { 'RH.fz': [3, 0.3] } };
   const moment = demoAt(2);
   stage.stack.fedEdge(relay, { ...moment, ftf: { ...moment.ftf, 'RH.fx': 12 }, wave: arm }, DEMO);
-  const page = await stage.newPage({ viewport: { width: 1280, height: 800 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1280, height: 800 } });
   await until('shells', () => finest(page), 60_000);
   await until('arrows', async () => (await signs(page)).wrenches.length === 4);
   const seen: Point[] = [];
-  for (let moment = 0; moment < 4; moment++) {
+  for (let moment = 0; moment < 2; moment++) {
     await tapped(
       'its explanation',
       async () => {
@@ -160,10 +158,7 @@ it('an arrow that moves explains itself, green and all, by a tap 15 px beside it
   await tapped(
     "the thigh's card",
     async () => page.click(await until('the thigh', thigh)),
-    () =>
-      page.evaluate<boolean>(
-        'document.querySelector("[data-testid=joint-card]")?.ariaLabel.startsWith("LH") ?? false',
-      ),
+    holds(page, 'document.querySelector("[data-testid=joint-card]")?.ariaLabel.startsWith("LH") ?? false'),
   );
   expect(await explained(page)).toBe('');
 });

@@ -5,7 +5,7 @@ import { CLOUD } from './cloud.ts';
 import { freePort } from './driver/free_port.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness, RECORD } from './robot_page.ts';
+import { holds, is, RECORD } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
@@ -51,7 +51,7 @@ const robot = stage.share(async (stack, newPage) => {
 async function calm() {
   const { source, page } = await robot();
   source.write(JSON.stringify(FINE));
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('no faults', async () => {
     if ((await line(page)) === 'No faults') return true;
     await page.evaluate(`document.querySelector('[data-testid=acknowledge]')?.click()`);
@@ -63,9 +63,8 @@ async function calm() {
 it('a fault of 30 ms stays until it is acknowledged in this browser, also after a reload', async () => {
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
-  const page = await stage.newPage({ preload: RECORD });
-  await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  const page = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD });
+  await until('LIVE', is(page, 'LIVE'));
   await until('no faults', async () => (await line(page)) === 'No faults');
 
   source.write(JSON.stringify({ ...JAMMED, once: true }));
@@ -84,7 +83,7 @@ it('a fault of 30 ms stays until it is acknowledged in this browser, also after 
   await until('no faults', async () => (await line(page)) === 'No faults');
 
   await page.open(`${relay.url}/?third#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+  await until('LIVE', is(page, 'LIVE'));
   await until('no faults', async () => (await line(page)) === 'No faults');
 
   source.write(JSON.stringify(JAMMED));
@@ -100,8 +99,7 @@ it('stays when the relay restarts and only its past has it', async () => {
   const options = { past, robots, httpPort: await freePort(), zenohPort: await freePort() };
   const relay = await stage.stack.relay(options);
   const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
-  const first = await stage.newPage();
-  await first.open(`${relay.url}/#/r/demo`);
+  const first = await stage.open(`${relay.url}/#/r/demo`);
   await until('no faults', async () => (await line(first)) === 'No faults');
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   const told = /^Earlier: Right knee is blocked\.RKN · jam · ended/;
@@ -110,8 +108,7 @@ it('stays when the relay restarts and only its past has it', async () => {
   await relay.process.stop();
 
   await stage.stack.relay(options);
-  const page = await stage.newPage({ preload: LINES });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { preload: LINES });
   await until('the past tells', async () => told.test(await line(page)), 30_000);
   expect(await page.evaluate('window.lines')).not.toContain('No faults');
   await page.findByTestId('acknowledge').click();
@@ -123,9 +120,7 @@ it('the words of an alarm lead to its moment, as its time does', async (context)
   const { source, page } = await calm();
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   await page.findByRole('tab', /^Alarms/).click();
-  await until('the past is kept', () =>
-    page.evaluate<boolean>('document.querySelectorAll(".alarms .when").length > 1'),
-  );
+  await until('the past is kept', holds(page, 'document.querySelectorAll(".alarms .when").length > 1'));
   const middleOf = (selector: string) =>
     page.evaluate<{ x: number; y: number }>(`(() => {
       const { left, top, width, height } = document.querySelector('${selector}').getBoundingClientRect();
@@ -139,7 +134,7 @@ it('the words of an alarm lead to its moment, as its time does', async (context)
     'its other buttons lie above',
   ).toBe(true);
   await page.click(await middleOf('[data-testid="alarms"] .alarm-words'));
-  await until('PAST', async () => (await liveness(page)) === 'PAST');
+  await until('PAST', is(page, 'PAST'));
   await page.findByTestId('to-live').click();
   await page.findByRole('tab', 'Joints').click();
 });
@@ -185,7 +180,6 @@ it('stands first in its line, whole, on every size; the button makes room, and t
     [360, 640],
     [820, 1180],
     [1280, 800],
-    [3840, 2160],
   ] as const) {
     await page.viewport({ width, height });
     const cut = () =>

@@ -1,28 +1,22 @@
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { engineName } from './driver/engines.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness, renderedFrames } from './robot_page.ts';
-import { REPO } from './stack.ts';
+import { holds, is, renderedFrames } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 /** As on an iPhone, and in an iframe without permission. */
 const NONE = `Object.defineProperty(Document.prototype, 'fullscreenEnabled', { get: () => false });
 delete Element.prototype.requestFullscreen;`;
 
 async function opened(preload?: string): Promise<Page> {
-  const relay = await stage.stack.relay();
-  stage.stack.edge(relay);
-  const page = await stage.newPage({
+  const relay = await stage.stack.demo();
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
     viewport: { width: 390, height: 844 },
     ...(preload === undefined ? {} : { preload }),
   });
-  await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
+  await until('LIVE', is(page, 'LIVE', 'HOLDING'));
   return page;
 }
 
@@ -32,7 +26,7 @@ describe('fullscreen', () => {
   it('is the screen where the browser gives it', async () => {
     const page = await opened();
     await page.findByRole('button', 'Fullscreen').click();
-    await until('the whole screen', () => page.evaluate<boolean>('document.fullscreenElement !== null'));
+    await until('the whole screen', holds(page, 'document.fullscreenElement !== null'));
     await until('the page knows', async () => (await state(page)) === 'screen');
     await page.findByRole('button', 'Fullscreen').click();
     await until('back', async () => (await state(page)) === 'off');
@@ -54,8 +48,7 @@ describe('fullscreen', () => {
       });
       expect(await page.findByTestId('liveness').visible()).toBe(true);
       expect(await page.findByRole('table').count()).toBe(0);
-      mkdirSync(SHOTS, { recursive: true });
-      await page.screenshot(path.join(SHOTS, `fullscreen-${engineName()}.png`));
+      await page.screenshot(`fullscreen-${engineName()}.png`);
       await page.press('Escape');
       await until('back', async () => (await state(page)) === 'off');
       await page.press('f');
@@ -64,7 +57,7 @@ describe('fullscreen', () => {
       await until('back again', async () => (await state(page)) === 'off');
       const pictures = await renderedFrames(page);
       await until('the body in its half', async () => (await renderedFrames(page)) > pictures + 3);
-      await page.screenshot(path.join(SHOTS, `phone-${engineName()}.png`));
+      await page.screenshot(`phone-${engineName()}.png`);
     },
   );
 });

@@ -1,13 +1,12 @@
 import { describe, expect, it } from 'vitest';
 import { freePort } from './driver/free_port.ts';
 import { until } from './driver/until.ts';
-import { chips, chipText, liveness, RECORD, shownPositions } from './robot_page.ts';
+import { chips, chipText, liveness, RECORD, SWINGING, shownPositions } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
 
 /** A swinging knee, because unchanged poses would be HOLDING. */
-const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 
 describe('a gateway and its Redis', () => {
   it('without Redis it is STALE "relay degraded", and LIVE again by itself, frozen or killed', async () => {

@@ -1,16 +1,13 @@
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { freePort } from './driver/free_port.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { chips, chipText, liveness, RECORD, whole } from './robot_page.ts';
-import { REPO, type Relay } from './stack.ts';
+import { chips, chipText, is, RECORD, whole } from './robot_page.ts';
+import type { Relay } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 import { ClockRobot, WITNESS } from './truth.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 /** A part takes about four seconds, unless its robot's state changes. */
 const BEHIND_MS = { least: 1000, most: 9000 };
@@ -49,11 +46,13 @@ const behindMs = (page: Page) => page.evaluate<number | null>('window.posecast?.
 const title = (page: Page) => page.evaluate<string>('document.title');
 
 async function watching(relay: { url: string }, by: 'websocket' | 'segments', search = ''): Promise<Page> {
-  const page = await stage.newPage({ viewport: SMALL, preload: `${LIGHT};${RECORD};${WITNESS};${SHOWN}` });
-  await page.open(`${relay.url}/${search}#/r/demo`);
+  const page = await stage.open(`${relay.url}/${search}#/r/demo`, {
+    viewport: SMALL,
+    preload: `${LIGHT};${RECORD};${WITNESS};${SHOWN}`,
+  });
   await until(
     `LIVE by ${by}`,
-    async () => (await liveness(page)) === 'LIVE' && (await carrier(page)) === by,
+    async () => (await is(page, 'LIVE')()) && (await carrier(page)) === by,
     60_000,
   );
   await until('a body', () => whole(page), 60_000);
@@ -175,50 +174,52 @@ const saidOfFaults = (page: Page) =>
     };
   })()`);
 
-it('who comes to a full relay is told the faults of before, as who has a place, and keeps them with a place', async () => {
-  const relay = await stage.stack.relay({ past: 'memory:', maxViewers: 1 });
-  const { source } = stage.stack.fedEdge(relay, KNEE, { profile: 'demo' });
-  const open = async (by: 'websocket' | 'segments') => {
-    const page = await stage.newPage({
-      viewport: { width: 1280, height: 800 },
-      preload: `${LIGHT};${RECORD};${SHOWN}`,
-    });
-    await page.open(`${relay.url}/#/r/demo`);
-    await until(`by ${by}`, async () => (await carrier(page)) === by, 60_000);
-    return page;
-  };
-  const first = await open('websocket');
-  await until('LIVE', async () => (await liveness(first)) === 'LIVE');
-  for (const times of [null, '2nd time', '3rd time']) {
-    source.write(JSON.stringify({ ...JAMMED, once: true }));
-    await until(`${times}`, async () => {
-      const said = await saidOfFaults(first);
-      return /^Earlier: /.test(said.line) && said.times === times;
-    });
-    await goesOn(first, 30); // two faults within a second may count as one
-  }
-  for (const page of [first]) await page.findByRole('tab', 'Alarms').click();
-  const told = await saidOfFaults(first);
-  expect(told.listed).toHaveLength(6);
+it.skipIf(!FULL)(
+  'who comes to a full relay is told the faults of before, as who has a place, and keeps them with a place',
+  async () => {
+    const relay = await stage.stack.relay({ past: 'memory:', maxViewers: 1 });
+    const { source } = stage.stack.fedEdge(relay, KNEE, { profile: 'demo' });
+    const open = async (by: 'websocket' | 'segments') => {
+      const page = await stage.open(`${relay.url}/#/r/demo`, {
+        viewport: { width: 1280, height: 800 },
+        preload: `${LIGHT};${RECORD};${SHOWN}`,
+      });
+      await until(`by ${by}`, async () => (await carrier(page)) === by, 60_000);
+      return page;
+    };
+    const first = await open('websocket');
+    await until('LIVE', is(first, 'LIVE'));
+    for (const times of [null, '2nd time', '3rd time']) {
+      source.write(JSON.stringify({ ...JAMMED, once: true }));
+      await until(`${times}`, async () => {
+        const said = await saidOfFaults(first);
+        return /^Earlier: /.test(said.line) && said.times === times;
+      });
+      await goesOn(first, 30); // two faults within a second may count as one
+    }
+    await first.findByRole('tab', 'Alarms').click();
+    const told = await saidOfFaults(first);
+    expect(told.listed).toHaveLength(6);
 
-  const second = await open('segments');
-  await second.findByRole('tab', 'Alarms').click();
-  const agrees = async (page: Page) => JSON.stringify(await saidOfFaults(page)) === JSON.stringify(told);
-  await until('the same in the lane', () => agrees(second), 60_000).catch(async () =>
-    expect(await saidOfFaults(second)).toEqual(told),
-  );
-  await first.close();
-  await until(
-    'a place',
-    async () => {
-      await nudge(second);
-      return until('a place', async () => (await carrier(second)) === 'websocket', 3000).catch(() => false);
-    },
-    60_000,
-  );
-  await goesOn(second);
-  expect(await saidOfFaults(second), 'nothing twice').toEqual(told);
-});
+    const second = await open('segments');
+    await second.findByRole('tab', 'Alarms').click();
+    const agrees = async (page: Page) => JSON.stringify(await saidOfFaults(page)) === JSON.stringify(told);
+    await until('the same in the lane', () => agrees(second), 60_000).catch(async () =>
+      expect(await saidOfFaults(second)).toEqual(told),
+    );
+    await first.close();
+    await until(
+      'a place',
+      async () => {
+        await nudge(second);
+        return until('a place', async () => (await carrier(second)) === 'websocket', 3000).catch(() => false);
+      },
+      60_000,
+    );
+    await goesOn(second);
+    expect(await saidOfFaults(second), 'nothing twice').toEqual(told);
+  },
+);
 
 describe.skipIf(!FULL)('in the lane', () => {
   /** A relay whose only place is taken, and a page in the lane. */
@@ -233,16 +234,16 @@ describe.skipIf(!FULL)('in the lane', () => {
     const { robot, page } = await inLane(relay);
     await goesOn(page);
     robot.source.signal('SIGSTOP');
-    await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+    await until('STALE', is(page, 'STALE'), 30_000);
     await until('as the robot is', async () => /robot silent/.test(await chipText(page)), 30_000);
     expect(await chipText(page)).toMatch(/^STALE\d+(\.\d)? s: robot silent\d s behind$/);
     robot.source.signal('SIGCONT');
-    await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 30_000);
+    await until('LIVE again', is(page, 'LIVE'), 30_000);
     robot.stand();
-    await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
+    await until('HOLDING', is(page, 'HOLDING'), 30_000);
     expect(await chipText(page)).toMatch(/^HOLDING\d+(\.\d)? s\d s behind$/);
     robot.go();
-    await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 30_000);
+    await until('LIVE again', is(page, 'LIVE'), 30_000);
     await goesOn(page);
     await expectRising(page);
     expect(await robot.lies(page)).toEqual([]);
@@ -257,9 +258,9 @@ describe.skipIf(!FULL)('in the lane', () => {
       one.forgive(/WebSocket|Failed to load resource|NetworkError|ERR_|status of 50|CORS|Could not connect/);
     await goesOn(page);
     await relay.process.stop();
-    await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+    await until('STALE', is(page, 'STALE'), 30_000);
     await stage.stack.relay(options);
-    await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 60_000);
+    await until('LIVE again', is(page, 'LIVE'), 60_000);
     await goesOn(page);
     expect(await robot.lies(page)).toEqual([]);
   });
@@ -269,12 +270,11 @@ describe.skipIf(!FULL)('in the lane', () => {
     const { robot, page } = await inLane(relay);
     await goesOn(page, 300);
     await page.press('j');
-    await until('PAST', async () => (await liveness(page)) === 'PAST');
+    await until('PAST', is(page, 'PAST'));
     expect(await chipText(page)).not.toMatch(/behind/);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, `lane-past-${stage.browser.engine}.png`));
+    await page.screenshot(`lane-past-${stage.browser.engine}.png`);
     await page.press('e');
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE', is(page, 'LIVE'));
     await until('behind', async () => / s behind$/.test(await chipText(page)));
     expect(await carrier(page)).toBe('segments');
     await goesOn(page);

@@ -3,7 +3,7 @@ import path from 'node:path';
 import { expect, it } from 'vitest';
 import { until } from './driver/until.ts';
 import { Host } from './host.ts';
-import { chipText, liveness, RECORD, whole } from './robot_page.ts';
+import { chipText, is, RECORD, whole } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 import { ClockRobot, WITNESS } from './truth.ts';
@@ -66,7 +66,7 @@ it('reads by way of the lane that config.json names, and sends it no token', asy
     const page = await stage.newPage(PRELOAD);
     page.allow(cache.host);
     await page.open(`${host.url}/#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+    await until('LIVE', is(page, 'LIVE'), 60_000);
     await until('a body', () => whole(page), 60_000);
     await until('behind', async () => / s behind$/.test(await chipText(page)));
     await page.findByTestId('liveness').click();
@@ -109,7 +109,7 @@ it.skipIf(!FULL)(
       page.allow(relay.host);
       page.forgive(/ERR_CONNECTION_REFUSED|NetworkError|Could not connect|Load failed/);
       await page.open(`${host.url}/#/r/demo`);
-      await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+      await until('LIVE', is(page, 'LIVE'), 60_000);
       await until('a body', () => whole(page), 60_000);
       expect(await chipText(page)).not.toMatch(/behind/);
       const atRelay = (part: RegExp) =>
@@ -129,9 +129,8 @@ it.skipIf(!FULL).each([['/'], ['/embed/demo']])(
   async (at) => {
     const relay = await stage.stack.relay({ past: 'memory:' });
     const robot = new ClockRobot(stage.stack, relay);
-    const page = await stage.newPage(PRELOAD);
-    await page.open(`${relay.url}${at}?lane=segments#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+    const page = await stage.open(`${relay.url}${at}?lane=segments#/r/demo`, PRELOAD);
+    await until('LIVE', is(page, 'LIVE'), 60_000);
     await until('a body', () => whole(page), 60_000);
     await until('behind', async () => / s behind$/.test(await chipText(page)));
     expect(page.requested.filter(isSocket)).toEqual([]);

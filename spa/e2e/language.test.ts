@@ -1,17 +1,15 @@
-import { mkdirSync } from 'node:fs';
 import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { englishLeft, wordsOf } from './english_left.ts';
-import { chips, hasSkin, liveness, RECORD } from './robot_page.ts';
+import { chips, gone, hasSkin, holds, is, RECORD, there } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
 import { REPO, type Relay } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const BUNDLE = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle');
 /** Every part of the settings. */
 const OPEN_ALL = `[...document.querySelectorAll('dialog details')].map((part) => { part.open = true; })`;
@@ -55,21 +53,19 @@ async function namesOf(relay: Relay): Promise<Set<string>> {
   return new Set(said.flatMap(wordsOf));
 }
 
-const has = (page: Page, id: string) =>
-  until(id, async () => (await page.findByTestId(id).count()) === 1, 60_000);
+const has = (page: Page, id: string) => until(id, there(page, id), 60_000);
 
 it.skipIf(!FULL)(
   'the page speaks Korean to a browser that does, and what is chosen goes before it, without a pause in the stream',
   async () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } });
-    const page = await stage.newPage({ preload: `${RECORD}; ${KOREAN}` });
-    await page.open(`${relay.url}/#/`);
+    const page = await stage.open(`${relay.url}/#/`, { preload: `${RECORD}; ${KOREAN}` });
     await until('the list', async () => (await page.text()).includes('방송 중'), 30_000);
     expect(await lang(page)).toBe('ko');
     await has(page, 'robot-demo');
     await page.findByTestId('robot-demo').click();
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 30_000);
+    await until('LIVE', is(page, 'LIVE'), 30_000);
     const head = () => page.evaluate<string>('document.querySelector(".joints thead")?.textContent ?? ""');
     await until('a Korean table', async () => (await head()).includes('위치'));
 
@@ -86,7 +82,7 @@ it.skipIf(!FULL)(
     expect(await page.findByRole('button', 'Settings').count()).toBe(1);
     expect((await chips(page)).slice(before), 'nothing has happened to the stream').toEqual([]);
     await page.open(`${relay.url}/?again#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 30_000);
+    await until('LIVE', is(page, 'LIVE'), 30_000);
     expect(await lang(page), 'kept').toBe('en');
   },
 );
@@ -106,8 +102,7 @@ it.skipIf(!FULL)(
       if (found.length > 0) left[where] = found;
     };
     const tab = (name: string) => page.evaluate(`document.getElementById('tab-${name}').click()`);
-    mkdirSync(SHOTS, { recursive: true });
-    const shot = (name: string) => page.screenshot(path.join(SHOTS, `korean-${name}.png`));
+    const shot = (name: string) => page.screenshot(`korean-${name}.png`);
 
     await page.open(`${relay.url}/#/`);
     await has(page, 'robot-demo');
@@ -115,11 +110,11 @@ it.skipIf(!FULL)(
     await page.open(`${relay.url}/#/r/demo`);
     await until('a body', () => hasSkin(page), 60_000);
     await has(page, 'spoken');
-    await until('its filter', () => page.evaluate<boolean>('document.querySelector(".filter") !== null'));
+    await until('its filter', holds(page, 'document.querySelector(".filter") !== null'));
     await look('body and table');
     await shot('laptop');
     await page.findByTestId('limbs').click();
-    await until('limbs', () => page.evaluate<boolean>('document.querySelector("tr.limb") !== null'));
+    await until('limbs', holds(page, 'document.querySelector("tr.limb") !== null'));
     await look('limbs');
     await page.findByTestId('filter').type('zzz');
     known.add('zzz');
@@ -141,7 +136,7 @@ it.skipIf(!FULL)(
 
     await page.evaluate(`document.querySelector('tr[data-label="RKN"] button').click()`);
     await has(page, 'joint-card');
-    await until('its plot', async () => (await page.findByTestId('plot-pos').count()) === 1);
+    await until('its plot', there(page, 'plot-pos'));
     await look('card');
     await shot('card');
     for (const field of ['pos', 'ref', 'error', 'cur', 'temp'])
@@ -149,9 +144,7 @@ it.skipIf(!FULL)(
     await page.press('Escape');
     for (const name of ['Sensors', 'Plots', 'Alarms']) {
       await tab(name);
-      await until(name, () =>
-        page.evaluate<boolean>(`document.querySelector('#panel-${name} :is(td, canvas, li)') !== null`),
-      );
+      await until(name, holds(page, `document.querySelector('#panel-${name} :is(td, canvas, li)') !== null`));
       await look(name);
       await shot(name.toLowerCase());
     }
@@ -166,7 +159,7 @@ it.skipIf(!FULL)(
       await has(page, name);
       await look(name);
       await page.press('Escape');
-      await until('gone', async () => (await page.findByTestId(name).count()) === 0);
+      await until('gone', gone(page, name));
     }
     await page.findByRole('button', '설정').click();
     await has(page, 'limits');
@@ -187,21 +180,19 @@ it.skipIf(!FULL)(
       async () => /RSP/.test(await page.findByTestId('fault-line').text()),
       30_000,
     );
-    await until('their age', () =>
-      page.evaluate<boolean>(
-        `/전 값/.test(document.querySelector('tr[data-label="RSP"] .c-flags').textContent)`,
-      ),
+    await until(
+      'their age',
+      holds(page, `/전 값/.test(document.querySelector('tr[data-label="RSP"] .c-flags').textContent)`),
     );
     await look('silent and stalled');
     await shot('stalled');
     source.signal('SIGSTOP');
-    await until('STALE', async () => (await liveness(page)) === 'STALE', 30_000);
+    await until('STALE', is(page, 'STALE'), 30_000);
     await look('STALE');
     await relay.process.kill();
-    await until('no connection', () =>
-      page.evaluate<boolean>(
-        `document.querySelector('[data-testid=liveness]').dataset.cause === 'no connection'`,
-      ),
+    await until(
+      'no connection',
+      holds(page, `document.querySelector('[data-testid=liveness]').dataset.cause === 'no connection'`),
     );
     await look('no connection');
     page.forgive(/WebSocket|ERR_CONNECTION|Failed to (load|fetch)/);
@@ -225,7 +216,7 @@ it.skipIf(!FULL)(
     };
     await page.open(`${relay.url}/#/r/nobody`);
     known.add('nobody');
-    await until('OFFLINE', async () => (await liveness(page)) === 'OFFLINE', 30_000);
+    await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
     await look('nobody');
     await page.open(`${relay.url}/?1#/nowhere`);
     known.add('nowhere');
@@ -236,11 +227,7 @@ it.skipIf(!FULL)(
     known.add('relay').add('evil').add('example');
     await look('refused');
     await page.open(`${relay.url}/?3#/r/demo+other`);
-    await until(
-      'two',
-      () => page.evaluate<boolean>('(window.posecast?.scene?.robots?.length ?? 0) === 2'),
-      60_000,
-    );
+    await until('two', holds(page, '(window.posecast?.scene?.robots?.length ?? 0) === 2'), 60_000);
     await until(
       'names',
       async () =>

@@ -2,7 +2,7 @@ import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { body, liveness, whole } from './robot_page.ts';
+import { body, is, whole } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -32,10 +32,12 @@ const has = (page: Page, label: string) =>
 it('a joint that comes later is shown without a gap, and the past is as it was before it came', async () => {
   const relay = await stage.stack.relay({ past: 'memory:' });
   const { source } = stage.stack.fedEdge(relay, { wave: { pos: ARM } }, { urdf: URDF });
-  const page = await stage.newPage({ preload: WATCH, viewport: { width: 1366, height: 768 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
+    preload: WATCH,
+    viewport: { width: 1366, height: 768 },
+  });
   await until('a body', () => whole(page), 60_000);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  await until('LIVE', is(page, 'LIVE'), 60_000);
   const track = `document.querySelector('[data-testid="track"]')`;
   const rewindable = (s: number) => async () =>
     page.evaluate<boolean>(`${track} !== null && ${track}.ariaValueMax - ${track}.ariaValueMin >= ${s}`);
@@ -55,7 +57,7 @@ it('a joint that comes later is shown without a gap, and the past is as it was b
     return { x: left + width * 0.2, y: top + height / 2 };
   })()`);
   await page.click(at);
-  await until('PAST', async () => (await liveness(page)) === 'PAST');
+  await until('PAST', is(page, 'PAST'));
   await until('the arm alone', async () => (await has(page, 'RKN')) && !(await has(page, 'LEB')), 30_000);
   await page.findByTestId('to-live').click();
   await until('both', async () => (await has(page, 'RKN')) && (await has(page, 'LEB')), 30_000);

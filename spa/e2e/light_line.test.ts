@@ -1,7 +1,5 @@
 /** Robots side by side, in a browser without 3D. */
 
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { setTimeout as pause } from 'node:timers/promises';
 import { expect, it } from 'vitest';
 import { engineName } from './driver/engines.ts';
@@ -9,12 +7,10 @@ import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { renderedFrames, resting } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
-import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage({ webgl: false });
 
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const SIX = ['one', 'two', 'three', 'four', 'five', 'six'];
 
 const chip = (page: Page, robot: string) =>
@@ -71,8 +67,7 @@ it.skipIf(!FULL)(
     await until('one is STALE', async () => (await chip(page, 'two')) === 'STALE', 30_000);
     await until('the others hold', async () => (await chip(page, 'one')) === 'HOLDING');
     await until('its colours have drained', () => resting(page));
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, `light-line-${engineName()}.png`));
+    await page.screenshot(`light-line-${engineName()}.png`);
 
     const before = await renderedFrames(page);
     sources[0]!.write(JSON.stringify({ ...jammed, wave: { pos: { RSP: [0.5, 0.5] } } }));

@@ -1,15 +1,13 @@
-import { mkdirSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
-import { renderedFrames } from './robot_page.ts';
+import { holds, renderedFrames } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
 const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 /** Maximum draw calls for one robot (meshes, a skeleton or a ghost, and its shadow), and for everything shared, including all
  *  signs. */
 const CALLS_PER_ROBOT = 5;
@@ -20,8 +18,7 @@ describe('robots side by side', () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, { pos: { RKN: 0.9 }, wave: { pos: { LKN: [0.4, 0.5] } } }, { robot: 'bare' });
     stage.stack.fedEdge(relay, { pos: { RKN: 0.9, LKN: 0.9 } }, { robot: 'whole', urdf: URDF });
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/r/bare+whole+nobody`);
+    const page = await stage.open(`${relay.url}/r/bare+whole+nobody`);
     const text = (robot: string) =>
       page.evaluate<string>(`document.querySelector('[data-testid="numbers-${robot}"]')?.textContent ?? ''`);
     await until('its numbers', async () => /RKN pos.0\.900 rad/.test(await text('bare')), 60_000);
@@ -33,15 +30,11 @@ describe('robots side by side', () => {
     );
     await until(
       'the other has its body',
-      () =>
-        page.evaluate<boolean>(
-          `document.querySelector('[data-testid="line-whole"]')?.style.visibility === 'visible'`,
-        ),
+      holds(page, `document.querySelector('[data-testid="line-whole"]')?.style.visibility === 'visible'`),
       60_000,
     );
     expect(await text('whole')).toBe('');
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'row-without-a-body.png'));
+    await page.screenshot('row-without-a-body.png');
   });
 
   it.skipIf(!FULL)('are chosen from the list, move in one scene, and each has its own chip', async () => {
@@ -53,8 +46,7 @@ describe('robots side by side', () => {
       { robot: 'two', urdf: URDF },
     );
     stage.stack.edge(relay, { robot: 'three' });
-    const page = await stage.newPage({ viewport: { width: 900, height: 600 } });
-    await page.open(`${relay.url}/#/`);
+    const page = await stage.open(`${relay.url}/#/`, { viewport: { width: 900, height: 600 } });
     for (const robot of ['one', 'two', 'three']) {
       await until(
         `${robot} is on air`,
@@ -104,8 +96,7 @@ describe('robots side by side', () => {
     await until('it alone', async () => (await chip('one')) === 'LIVE' && (await chip('three')) === 'LIVE');
     const before = await renderedFrames(page);
     await until('the others go on', async () => (await renderedFrames(page)) > before + 3);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'line-laptop.png'));
+    await page.screenshot('line-laptop.png');
     await page.viewport({ width: 390, height: 844 });
     const inside = (robot: string) =>
       page.evaluate<boolean>(`(() => {
@@ -113,6 +104,6 @@ describe('robots side by side', () => {
         return left >= 0 && right <= innerWidth;
       })()`);
     await until('all of them on a phone', async () => (await inside('one')) && (await inside('three')));
-    await page.screenshot(path.join(SHOTS, 'line-phone.png'));
+    await page.screenshot('line-phone.png');
   });
 });

@@ -1,12 +1,11 @@
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness } from './robot_page.ts';
+import { is, SWINGING } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
 
-const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 /** The robots below a heading, from top to bottom. */
 const names = (page: Page, list: string) =>
   page.evaluate<string[]>(
@@ -17,8 +16,7 @@ const path = (page: Page) =>
 
 it('a robot that has left stands no more under "On air"; nobody watching is not counted', async () => {
   const relay = await stage.stack.relay();
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/`);
+  const page = await stage.open(`${relay.url}/`);
   await until('commands with the port that it listens on', async () =>
     (await page.evaluate<string>("document.querySelector('.empty')?.textContent ?? ''")).includes(
       `--relay ${relay.zenoh}`,
@@ -39,7 +37,7 @@ it('an address without # leads to its robot, and a mistyped one to a sentence an
   const page = await stage.newPage();
   page.forgive(/404/); // the browser itself logs this about the page
   await page.open(`${relay.url}/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 30_000);
+  await until('LIVE', is(page, 'LIVE'), 30_000);
   expect(await path(page)).toBe('/r/demo#/r/demo');
   await page.open(`${relay.url}/robots/demo`);
   await until('said so', async () =>

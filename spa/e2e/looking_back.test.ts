@@ -2,7 +2,7 @@ import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
-import { liveness, whole } from './robot_page.ts';
+import { holds, is, liveness, whole } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 /** The page of a robot with half an hour of past, for the figures in the docs; by default, some seconds are recorded here. */
@@ -60,7 +60,6 @@ const HAND = `(() => {
   };
 })()`;
 
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const heapMb = (page: Page) => page.evaluate<number>('(performance.memory?.usedJSHeapSize ?? NaN) / 1e6');
 const asked = (page: Page) => page.requested.filter((url) => /\/past\b/.test(url)).length;
 const quantile = (values: readonly number[], part: number) =>
@@ -70,7 +69,7 @@ const quantile = (values: readonly number[], part: number) =>
 async function rewindable(page: Page): Promise<void> {
   const seconds = AT === undefined ? 12 : 60;
   const span = `(() => { const track = ${track}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds}; })()`;
-  await until('a past', () => page.evaluate<boolean>(span), 60_000);
+  await until('a past', holds(page, span), 60_000);
 }
 
 it.skipIf(!FULL)(
@@ -81,8 +80,7 @@ it.skipIf(!FULL)(
     const url = new URL(AT ?? `${relay.url}/#/r/demo`);
     const link = await FaultyLink.open(Number(url.port));
     const visit = async (): Promise<Page> => {
-      const page = await stage.newPage({ viewport: { width: 1366, height: 768 } });
-      await page.open(`${link.url}/${url.hash}`);
+      const page = await stage.open(`${link.url}/${url.hash}`, { viewport: { width: 1366, height: 768 } });
       await until('LIVE', is(page, 'LIVE'), 60_000);
       await until('a body', () => whole(page), 60_000);
       await rewindable(page);

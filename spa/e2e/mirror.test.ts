@@ -5,13 +5,11 @@ import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { Host } from './host.ts';
 import type { Process } from './process.ts';
-import { chipText, liveness, RECORD, shownSeq } from './robot_page.ts';
+import { chipText, is, RECORD, SWINGING, shownSeq } from './robot_page.ts';
 import { PYTHON, REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-
-const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
 
 /** `tests/rtdb_double.py`, not Google's. */
 async function database(): Promise<{ url: string; becomes(fault: object): Promise<unknown> }> {
@@ -53,7 +51,6 @@ async function mirrored(then: (at: Mirrored) => Promise<void>): Promise<void> {
   }
 }
 
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const cause = (page: Page) =>
   page.evaluate<string>(`document.querySelector('[data-testid="liveness"]')?.dataset.cause ?? ''`);
 

@@ -1,4 +1,4 @@
-import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { readFileSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { setTimeout as pause } from 'node:timers/promises';
 import { describe, expect, it } from 'vitest';
@@ -6,12 +6,11 @@ import type { SampleModel } from '../tests/rigs/model_samples.ts';
 import { type BuiltFiles, sampleChain, writeBuilt } from './built_model.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { body, renderedFrames, resting } from './robot_page.ts';
-import { forwardKinematics, REPO, type Relay } from './stack.ts';
+import { body, gone, holds, renderedFrames, resting } from './robot_page.ts';
+import { forwardKinematics, type Relay } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const CLOSE = 1e-6; // metres, and entries of a rotation
 /** A white pixel. */
 const PICTURE = Uint8Array.from(
@@ -41,8 +40,7 @@ async function shown(
     JSON.stringify(await relay.json('/api/v1/robots')).includes(`"${robot}"`),
   );
   meanwhile();
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/#/r/${robot}`);
+  const page = await stage.open(`${relay.url}/#/r/${robot}`);
   await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 30_000);
   return page;
 }
@@ -68,7 +66,7 @@ describe('a built model', () => {
     const files = await writeBuilt(stage.stack.folder(), model);
     const pos = readings(model);
     const page = await shown(relay, files, pos);
-    await until('a reading', () => page.evaluate<boolean>('window.posecast.twin.seq !== null'));
+    await until('a reading', holds(page, 'window.posecast.twin.seq !== null'));
     // as transmitted, in steps of the wire format
     const joints = await page.evaluate<Record<string, number>>(
       `Object.fromEntries(${JSON.stringify(Object.keys(pos))}.map((j) => [j, window.posecast.twin.value('pos', j)]))`,
@@ -94,7 +92,7 @@ describe('a built model', () => {
     expect([asked(page, 'low.glb'), asked(page, 'high.glb')]).toEqual([1, 0]);
     await page.findByRole('button', /^finer/).click();
     await until('the finest level', () => asked(page, 'high.glb') === 1);
-    await until('no more to ask for', async () => (await page.findByTestId('finer').count()) === 0);
+    await until('no more to ask for', gone(page, 'finer'));
     expect(
       page.requested.some((url) => /raw_robot|ColladaLoader/.test(url)),
       'readers of raw files',
@@ -116,8 +114,7 @@ describe('a built model', () => {
       await until('skin', () => asked(page, 'middle.glb') === 1);
       counts[name] = await drawCalls(page);
       if (name === 'sixty') {
-        mkdirSync(SHOTS, { recursive: true });
-        await page.screenshot(path.join(SHOTS, 'built-model.png'));
+        await page.screenshot('built-model.png');
         const link = await page.evaluate<string | null>(`(() => {
           const { left, top, width, height } = document.querySelector('canvas').getBoundingClientRect();
           for (let i = 0; i < 400; i++) {
@@ -135,7 +132,7 @@ describe('a built model', () => {
       }
       await page.evaluate(`window.posecast.scene.showGhost(new Map([['joint1', 1.2]]))`);
       expect(await drawCalls(page), 'a ghost is one more').toBe((counts[name] ?? 0) + 1);
-      if (name === 'sixty') await page.screenshot(path.join(SHOTS, 'built-model-ghost.png'));
+      if (name === 'sixty') await page.screenshot('built-model-ghost.png');
       await page.evaluate('window.posecast.scene.showGhost(null)');
       expect(await drawCalls(page)).toBe(counts[name]);
       await page.close();
@@ -153,10 +150,9 @@ describe('a built model', () => {
     await until('skin', async () => (await page.evaluate<number>('window.posecast.scene.triangles')) > 0);
     stage.stack.builtEdge(relay, files, { pos: readings(model) }, 'second');
     await until('both', async () => JSON.stringify(await relay.json('/api/v1/robots')).includes('second'));
-    await until('kept', () =>
-      page.evaluate<boolean>(
-        `caches.open('posecast-levels-1').then(async (c) => (await c.keys()).length === 1)`,
-      ),
+    await until(
+      'kept',
+      holds(page, `caches.open('posecast-levels-1').then(async (c) => (await c.keys()).length === 1)`),
     );
     await page.open(`${relay.url}/#/r/second`);
     await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 30_000);

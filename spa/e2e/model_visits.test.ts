@@ -3,7 +3,7 @@ import { describe, expect, it } from 'vitest';
 import { type BuiltFiles, sampleChain, writeBuilt } from './built_model.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { body } from './robot_page.ts';
+import { body, holds } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -16,7 +16,7 @@ const onAir = (relay: Relay, robot: string) =>
   );
 const linkCount = async (page: Page) => Object.keys((await body(page))?.links ?? {}).length;
 const dressed = (page: Page) =>
-  until('shells', () => page.evaluate<boolean>(`performance.getEntriesByName('posecast:skin').length > 0`));
+  until('shells', holds(page, `performance.getEntriesByName('posecast:skin').length > 0`));
 
 /** Bytes that this page has downloaded for the model. */
 const modelBytes = (page: Page, file = '') =>
@@ -32,8 +32,7 @@ describe('a model', () => {
     const relay = await stage.stack.relay();
     const before = stage.stack.fedEdge(relay, POSE, { robot: 'demo', model: (await built(5)).folder });
     await onAir(relay, 'demo');
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await until('the first model', async () => (await linkCount(page)) === 5, 30_000);
     page.forgive(/Failed to load resource/); // requests to an edge that is just disconnecting
     await page.evaluate('window.stayed = true');
@@ -49,14 +48,12 @@ describe('a model', () => {
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, POSE, { robot: 'demo', model: (await built(12)).folder });
     await onAir(relay, 'demo');
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await dressed(page);
     expect(await modelBytes(page)).toBeGreaterThan(1000);
-    await until('kept', () =>
-      page.evaluate<boolean>(
-        `caches.open('posecast-levels-1').then(async (c) => (await c.keys()).length === 1)`,
-      ),
+    await until(
+      'kept',
+      holds(page, `caches.open('posecast-levels-1').then(async (c) => (await c.keys()).length === 1)`),
     );
     await page.open('about:blank');
     await page.open(`${relay.url}/#/r/demo`);

@@ -1,26 +1,21 @@
-import { existsSync, mkdirSync } from 'node:fs';
+import { existsSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { body, liveness, RECORD, renderedFrames, resting, shownPositions, shownSeq } from './robot_page.ts';
+import { body, holds, is, RECORD, renderedFrames, resting, shownPositions, shownSeq } from './robot_page.ts';
 import { staysWatchable } from './slow_device.ts';
 import { REPO, SHARED } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage({ webgl: false });
 
-const HUBO_URDF = path.join(SHARED, 'robots/hubo2plus-stl/hubo-urdf/model_collision_as_visual.urdf');
-const HUBO_WALK = path.join(SHARED, 'trajectories/hubo2plus_walk/walking_traj/walkFiveSteps0p2m.traj');
 const G1 = 'unitree-g1/example-robot-data/robots/g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf';
 const G1_URDF = path.join(SHARED, 'robots', G1);
-const HUBO_PROFILE = path.join(REPO, 'edge-agent/src/posecast_edge/profiles/hubo2plus.toml');
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 const triangles = (page: Page) => page.evaluate<number>('window.posecast?.scene?.triangles ?? 0');
 const shot = (page: Page, name: string) => {
-  mkdirSync(SHOTS, { recursive: true });
-  return page.screenshot(path.join(SHOTS, `light-${name}.png`));
+  return page.screenshot(`light-${name}.png`);
 };
 const theme = (page: Page, name: string) =>
   page.evaluate(`localStorage.setItem('posecast.settings', JSON.stringify({ theme: '${name}' }))`);
@@ -33,14 +28,13 @@ async function open(page: Page, url: string): Promise<void> {
 
 describe('a browser without 3D', () => {
   it('has a live table and a body drawn by hand, and says so', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
+    const relay = await stage.stack.demo();
     const page = await stage.newPage({ preload: RECORD });
     await open(page, `${relay.url}/#/r/demo`);
     expect(
       await page.evaluate<boolean>('document.createElement("canvas").getContext("webgl2") === null'),
     ).toBe(true);
-    await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
+    await until('LIVE', is(page, 'LIVE', 'HOLDING'));
     await until('a table that goes on', async () => (await shownPositions(page)).size > 20, 30_000);
     expect(await page.findByTestId('view-note').text()).toMatch(/no 3D.*light view/i);
     expect(page.requested.filter((url) => /\/three[.-]/.test(url))).toEqual([]);
@@ -52,25 +46,33 @@ describe('a browser without 3D', () => {
 
     await page.viewport({ width: 390, height: 844 });
     // The note is above the robot in the picture.
-    await until('its head below the note', () =>
-      page.evaluate<boolean>(`(() => {
+    await until(
+      'its head below the note',
+      holds(
+        page,
+        `(() => {
         const { scene } = window.posecast;
         const { bottom, height } = document.querySelector('[data-testid="view-note"]').getBoundingClientRect();
         const { top } = document.querySelector('[data-testid="scene"] canvas').getBoundingClientRect();
         return height > 0 && top + (scene.topOf(scene.robots[0])?.y ?? 0) > bottom;
-      })()`),
+      })()`,
+      ),
     );
 
     await page.viewport({ width: 640, height: 400 });
     await page.open(`${relay.url}/embed/#/r/demo`);
     await until('a body', async () => (await triangles(page)) > 500, 60_000);
-    await until('a robot as large as its frame', () =>
-      page.evaluate<boolean>(`(() => {
+    await until(
+      'a robot as large as its frame',
+      holds(
+        page,
+        `(() => {
         const { left, top, width, height } = document.querySelector('[data-testid="scene"] canvas').getBoundingClientRect();
         for (let x = width * 0.3; x < width * 0.7; x += 10)
           for (let y = height * 0.7; y < height; y += 10) if (window.posecast.scene.pick(left + x, top + y) !== null) return true;
         return false;
-      })()`),
+      })()`,
+      ),
     );
   });
 
@@ -83,7 +85,7 @@ describe('a browser without 3D', () => {
     );
     const page = await stage.newPage();
     await open(page, `${relay.url}/#/r/demo`);
-    await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
+    await until('HOLDING', is(page, 'HOLDING'), 30_000);
     await until('at rest', () => resting(page));
     const before = await renderedFrames(page);
     const seq = (await shownSeq(page)) ?? 0;
@@ -105,57 +107,33 @@ describe('a browser without 3D', () => {
     await shot(page, 'side-highlight');
 
     source.signal('SIGSTOP');
-    await until('STALE', async () => (await liveness(page)) === 'STALE', 20_000);
+    await until('STALE', is(page, 'STALE'), 20_000);
     await until('drained', () => resting(page));
     await shot(page, 'stale');
   });
 
   it.skipIf(!FULL)('is as beautiful in either theme and on a phone; pictures are in e2e/shots', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
+    const relay = await stage.stack.demo();
     const page = await stage.newPage();
     await open(page, `${relay.url}/#/r/demo`);
     for (const name of ['dark', 'light']) {
       await theme(page, name);
       await open(page, `${relay.url}/?${name}#/r/demo`);
-      await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+      await until('LIVE', is(page, 'LIVE'));
       await shot(page, `demo-laptop-${name}`);
     }
     await page.viewport({ width: 390, height: 844 });
     await open(page, `${relay.url}/?phone#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE', is(page, 'LIVE'));
     await shot(page, 'demo-phone-light');
   });
 
   it.skipIf(!FULL)('shows ten poses a second with a sixth of the processor', async (context) => {
     stage.needs(context, 'slow');
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
+    const relay = await stage.stack.demo();
     const page = await stage.newPage({ viewport: { width: 390, height: 700 } });
     await open(page, `${relay.url}/#/r/demo`);
     await staysWatchable(page);
-  });
-
-  it.skipIf(!FULL || !existsSync(HUBO_URDF))('shows Hubo 2+ walking', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay, {
-      robot: 'hubo',
-      source: `trajectory:${HUBO_WALK}`,
-      profile: HUBO_PROFILE,
-      urdf: HUBO_URDF,
-    });
-    const page = await stage.newPage();
-    await open(page, `${relay.url}/#/r/hubo`);
-    const feet: number[] = [];
-    await until(
-      'a foot has been up',
-      async () => {
-        feet.push((await body(page))?.links.Body_LAR?.[11] ?? 0);
-        return Math.max(...feet) - Math.min(...feet) > 0.02;
-      },
-      60_000,
-    );
-    await shot(page, 'hubo-walk');
   });
 
   it.skipIf(!FULL || !existsSync(G1_URDF))(

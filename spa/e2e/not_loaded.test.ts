@@ -1,25 +1,17 @@
-import path from 'node:path';
 import { afterEach, beforeEach, describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
 import { Gate, type OwnAnswer } from './gate.ts';
-import { liveness } from './robot_page.ts';
-import { REPO } from './stack.ts';
+import { is } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const KOREAN = `Object.defineProperty(navigator, 'language', { value: 'ko-KR' })`;
 
 describe('a page that is opened while its proxy restarts', () => {
   let gate: Gate;
   beforeEach(async () => {
-    gate = await Gate.open((await demo()).port);
+    gate = await Gate.open((await stage.demo()).port);
   });
   afterEach(() => gate.close());
 
@@ -40,11 +32,11 @@ describe('a page that is opened while its proxy restarts', () => {
     page.forgive(/status of 502|MIME type/);
     await page.open(`${gate.url}${at}`);
     await until('it says so', async () => sentence.test(await page.text()), 30_000);
-    await page.screenshot(path.join(SHOTS, `not-loaded-${name.replaceAll(' ', '-')}.png`));
+    await page.screenshot(`not-loaded-${name.replaceAll(' ', '-')}.png`);
     const before = page.requested.length;
     await until('it tries again', async () => page.requested.length > before, 30_000);
     gate.answer = () => null;
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 90_000);
+    await until('LIVE', is(page, 'LIVE'), 90_000);
     expect(await page.text()).not.toMatch(sentence);
   });
 
@@ -55,10 +47,9 @@ describe('a page that is opened while its proxy restarts', () => {
       refused += 1;
       return refused > 1 ? null : 'reset';
     };
-    const page = await stage.newPage();
-    await page.open(`${gate.url}/#/r/demo`);
+    const page = await stage.open(`${gate.url}/#/r/demo`);
     const chip = `getComputedStyle(document.querySelector('.robot-page')).display`;
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+    await until('LIVE', is(page, 'LIVE'), 60_000);
     await until('its looks', async () => (await page.evaluate<string>(chip)) !== 'block', 60_000);
     expect(refused).toBe(2);
   });

@@ -28,8 +28,10 @@ it('a board that falls silent, another set of joints and names that bite: table,
   const relay = await stage.stack.relay();
   const sample = { pos: { RKN: 0.4, LKN: 0.2, REB: 0.1 }, cur: { RKN: 1.5, LKN: 1, REB: 1 } };
   const first = stage.stack.fedEdge(relay, sample);
-  const page = await stage.newPage({ preload: NO_STORAGE, viewport: { width: 1280, height: 800 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
+    preload: NO_STORAGE,
+    viewport: { width: 1280, height: 800 },
+  });
   await until('rows', async () => (await rows(page)).length === 3);
   await page.findByTestId('filter').type('kn');
   await until('filtered', async () => (await rows(page)).toSorted().join() === 'LKN,RKN');
@@ -103,8 +105,7 @@ it('a robot without a model plots itself; its skeleton takes that place, can be 
   const at = (z: number) => ({ base: { 'base.x': 0, 'base.y': 0, 'base.z': z }, baseq: upright });
   const moving = { pos, ...at(0), wave: { pos: { bend: [0.5, 0.5] } } };
   const first = stage.stack.fedEdge(relay, moving);
-  const page = await stage.newPage({ viewport: { width: 1280, height: 800 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1280, height: 800 } });
   await page.evaluate('window.sameDocument = true');
   const legend = () =>
     page.evaluate<string[]>(

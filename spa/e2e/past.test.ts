@@ -1,34 +1,27 @@
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { setTimeout as pause } from 'node:timers/promises';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { chipText, liveness, RECORD, whole } from './robot_page.ts';
-import { REPO } from './stack.ts';
+import { chipText, holds, is, liveness, RECORD, testId, whole } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
-import { ClockRobot, shown, WITNESS } from './truth.ts';
+import { ClockRobot, shown, stepToFrame, WITNESS } from './truth.ts';
 
 const stage = setStage();
 
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PHONE = { width: 390, height: 844 };
 const LAPTOP = { width: 1366, height: 768 };
 /** Time from the joint to the relay, on a busy machine. */
 const NEAR_MS = 1000;
 
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
-const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
-
 /** Waits until at least this many seconds of past are available. */
 async function rewindable(page: Page, seconds: number): Promise<void> {
   await until(
     `${seconds} s of past`,
-    () =>
-      page.evaluate<boolean>(
-        `(() => {
+    holds(
+      page,
+      `(() => {
           const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds}; })()`,
-      ),
+    ),
     60_000,
   );
 }
@@ -47,13 +40,11 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
   async (viewport) => {
     const relay = await stage.stack.relay({ past: 'memory:' });
     const robot = new ClockRobot(stage.stack, relay);
-    const page = await stage.newPage({ preload: `${RECORD};${WITNESS}`, viewport });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: `${RECORD};${WITNESS}`, viewport });
     await until('LIVE', is(page, 'LIVE'), 60_000);
     await until('a body', () => whole(page), 60_000);
     await rewindable(page, 12);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, `time-line-${viewport.width}.png`));
+    await page.screenshot(`time-line-${viewport.width}.png`);
 
     await tapAt(page, 0.4);
     await until('PAST', is(page, 'PAST'));
@@ -68,17 +59,9 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
       return one.momentMs === two.momentMs && one.offMs < NEAR_MS;
     };
     await until('it rests, at the pose of its moment', rests);
-    await page.screenshot(path.join(SHOTS, `past-${viewport.width}.png`));
+    await page.screenshot(`past-${viewport.width}.png`);
 
-    // frame by frame
-    const { seq } = await shown(page);
-    await page.press('.');
-    await until('the next frame', async () => (await shown(page)).seq === seq + 1);
-    await page.press('.');
-    await until('the next but one', async () => (await shown(page)).seq === seq + 2);
-    await page.press(',');
-    await until('the one before', async () => (await shown(page)).seq === seq + 1);
-    expect((await shown(page)).offMs).toBeLessThan(NEAR_MS);
+    expect((await stepToFrame(page)).offMs).toBeLessThan(NEAR_MS);
 
     // a link to the moment
     const link = await until('a moment in the address', async () => {
@@ -127,14 +110,12 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
 it('a moment has its link while presented, and one that can’t be shown is named', async () => {
   const relay = await stage.stack.relay({ past: 'memory:' });
   new ClockRobot(stage.stack, relay);
-  const page = await stage.newPage({ viewport: LAPTOP });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: LAPTOP });
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('a body', () => whole(page), 60_000);
   await rewindable(page, 12);
   const text = (id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
   const address = () => page.evaluate<string>('location.href');
-  mkdirSync(SHOTS, { recursive: true });
 
   await tapAt(page, 0.4);
   await until('PAST', is(page, 'PAST'));
@@ -145,15 +126,19 @@ it('a moment has its link while presented, and one that can’t be shown is name
     [390, 844],
   ] as const) {
     await page.viewport({ width, height });
-    await until(`the banner at ${width} px`, () =>
-      page.evaluate<boolean>(`(() => {
+    await until(
+      `the banner at ${width} px`,
+      holds(
+        page,
+        `(() => {
         const note = ${testId('stage-note')};
         const { left, right, top, height } = note.getBoundingClientRect();
         const on = document.elementFromPoint((left + right) / 2, top + height / 2);
         return innerWidth === ${width} && /^The past: \\d\\d:\\d\\d:\\d\\d · .* ago/.test(note.textContent) && note.contains(on);
-      })()`),
+      })()`,
+      ),
     );
-    await page.screenshot(path.join(SHOTS, `past-banner-${width}.png`));
+    await page.screenshot(`past-banner-${width}.png`);
   }
   await page.viewport(LAPTOP);
   await page.press('p');
@@ -161,7 +146,7 @@ it('a moment has its link while presented, and one that can’t be shown is name
     const t = /[?&](t=[\d:.TZ-]+)/.exec(await address())?.[1];
     return t !== undefined && (await text('present-address')).includes(t);
   });
-  await page.screenshot(path.join(SHOTS, 'past-presented.png'));
+  await page.screenshot('past-presented.png');
 
   const link = (t: string) => `${relay.url}/#/r/demo?t=${t}`;
   const old = /[123] Jan (2026 )?.*is no longer kept; this is the oldest moment, \d\d:\d\d:\d\d/;
@@ -183,10 +168,8 @@ it('a moment has its link while presented, and one that can’t be shown is name
 }, 240_000);
 
 it('a link to a moment says so where there is no past, and shows what is live', async () => {
-  const relay = await stage.stack.relay({ past: '0' });
-  stage.stack.edge(relay);
-  const page = await stage.newPage({ viewport: PHONE });
-  await page.open(`${relay.url}/#/r/demo?t=2026-11-22T14:02:07.250Z`);
+  const relay = await stage.stack.demo({ past: '0' });
+  const page = await stage.open(`${relay.url}/#/r/demo?t=2026-11-22T14:02:07.250Z`, { viewport: PHONE });
   await until('it is said', async () =>
     /moment in this link/.test(
       (await page.evaluate<string>(`${testId('past-note')}?.textContent ?? ''`)) ?? '',

@@ -1,14 +1,10 @@
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { shownSeq } from './robot_page.ts';
-import { REPO } from './stack.ts';
+import { holds, KEEP_SAVED, newestSaved, savedCount, shownSeq } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 const WALKS = {
   cur: { RKN: 1, LKN: 1 },
@@ -16,16 +12,6 @@ const WALKS = {
   ftf: { 'RF.fz': 300 },
   wave: { pos: { RKN: [0.4, 0.3], LKN: [0.2, 0.3] }, ftf: { 'RF.fz': [200, 0.5] } },
 };
-
-/** Records what is saved. */
-const SAVES = `(() => {
-  window.saved = [];
-  const make = URL.createObjectURL;
-  URL.createObjectURL = (blob) => {
-    if (blob.type === 'text/csv') blob.text().then((text) => window.saved.push(text));
-    return make.call(URL, blob);
-  };
-})()`;
 
 const middleOf = (page: Page, selector: string) =>
   until(selector, () =>
@@ -45,8 +31,10 @@ const named = async (page: Page) => (await traces(page)).map(([name]) => name);
 async function opened(): Promise<Page> {
   const relay = await stage.stack.relay();
   stage.stack.fedEdge(relay, WALKS, { profile: 'demo' });
-  const page = await stage.newPage({ preload: SAVES, viewport: { width: 1280, height: 800 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
+    preload: KEEP_SAVED,
+    viewport: { width: 1280, height: 800 },
+  });
   await until('numbers', async () => (await shownSeq(page)) !== null);
   return page;
 }
@@ -54,12 +42,16 @@ async function opened(): Promise<Page> {
 it.skipIf(!FULL)('a cell dragged onto their tab becomes a plot', async (context) => {
   stage.needs(context, 'drops');
   const page = await opened();
-  await until('its row on top', () =>
-    page.evaluate<boolean>(`(() => {
+  await until(
+    'its row on top',
+    holds(
+      page,
+      `(() => {
       document.querySelector('.table-room').scrollTop = 0;
       const rows = [...document.querySelectorAll('.joints tbody tr')].slice(0, 3);
       return rows.some((row) => row.dataset.label === 'RKN');
-    })()`),
+    })()`,
+    ),
   );
   const plotted = async () => (await named(page)).join() === 'RKN cur';
   await until('the plot', async () => {
@@ -89,8 +81,7 @@ it.skipIf(!FULL)(
     const position = async () => (await traces(page)).find(([name]) => name === 'RKN pos')?.[1];
     const first = await until('a number', position);
     await until('it moves', async () => (await position()) !== first);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'plots-laptop.png'));
+    await page.screenshot('plots-laptop.png');
 
     await page.findByTestId('plot-pause').click();
     await until('paused', async () => (await page.findByTestId('plots').attribute('data-paused')) === 'true');
@@ -104,16 +95,15 @@ it.skipIf(!FULL)(
     return { x: right - 4, y: top + height / 2 };
   })()`);
     await page.click(over);
-    await until('when it was', () =>
-      page.evaluate<boolean>('/ago$/.test(document.querySelector(".panel .plot-time").textContent)'),
+    await until(
+      'when it was',
+      holds(page, '/ago$/.test(document.querySelector(".panel .plot-time").textContent)'),
     );
 
     await page.findByTestId('plot-csv').click();
-    const [csv] = await until('a table', async () => {
-      const saved = await page.evaluate<string[]>('window.saved');
-      return saved.length > 0 ? saved : null;
-    });
-    const [head = '', ...rows] = (csv ?? '').trim().split('\r\n');
+    await until('a table', async () => (await savedCount(page)) > 0);
+    const csv = new TextDecoder().decode((await newestSaved(page)).bytes);
+    const [head = '', ...rows] = csv.trim().split('\r\n');
     for (const title of ['"time"', '"RKN error [rad]"', '"RKN pos [rad]"', '"right foot Fz [N]"'])
       expect(head.split(',')).toContain(title);
     expect(rows.length).toBeGreaterThan(5);
@@ -127,10 +117,8 @@ it.skipIf(!FULL)(
 
     await page.viewport({ width: 390, height: 844 });
     await page.findByRole('button', 'Expand the numbers').click();
-    await until('room', () =>
-      page.evaluate<boolean>('document.querySelector(".panel .plot .u-over")?.clientWidth < 360'),
-    );
-    await page.screenshot(path.join(SHOTS, 'plots-phone.png'));
+    await until('room', holds(page, 'document.querySelector(".panel .plot .u-over")?.clientWidth < 360'));
+    await page.screenshot('plots-phone.png');
   },
   240_000,
 );

@@ -6,10 +6,8 @@ import { setStage } from './stage.ts';
 const stage = setStage();
 
 it('the page and its worker load nothing but their own, and make no code from text', async () => {
-  const relay = await stage.stack.relay();
-  stage.stack.edge(relay);
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/#/r/demo`);
+  const relay = await stage.stack.demo();
+  const page = await stage.open(`${relay.url}/#/r/demo`);
   await until('shells, which WebAssembly unpacks', () => hasSkin(page), 60_000);
 
   const own = await page.evaluate<string>(

@@ -1,24 +1,18 @@
-import { mkdirSync } from 'node:fs';
-import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { findWrong } from './layout/findings.ts';
 import { tooSmall } from './layout/legible.ts';
 import { readShown } from './layout/shown.ts';
+import { holds, there } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
-import { REPO } from './stack.ts';
-import { setStage } from './stage.ts';
+import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const CHOSEN = `try { localStorage.setItem('posecast.settings', '{"body":"light","load":"cur"}') } catch {}`;
 /** In portrait, the texts are above and below the body. */
 const UPRIGHT = { width: 768, height: 1024 };
-const PROJECTORS = [
-  { width: 1920, height: 1080 },
-  { width: 3840, height: 2160 },
-];
+const PROJECTORS = [{ width: 1920, height: 1080 }, ...(FULL ? [{ width: 3840, height: 2160 }] : [])];
 
 const presented = (page: Page) =>
   page.evaluate<boolean>(
@@ -42,15 +36,10 @@ function overBody(page: Page): Promise<string[]> {
 it('is read from the last row: by key, by the sheet, by a link, also in a frame', async () => {
   const relay = await stage.stack.relay();
   stage.stack.fedEdge(relay, demoAt(42), DEMO);
-  const page = await stage.newPage({ preload: CHOSEN, media: { motion: 'reduce' } });
-  await page.open(`${relay.url}/#/`);
+  const page = await stage.open(`${relay.url}/#/`, { preload: CHOSEN, media: { motion: 'reduce' } });
   await page.findByTestId('robot-demo').click();
   await until('the fault', async () => /RKN/.test(await page.findByTestId('fault-line').text()), 60_000);
-  await until(
-    'a body',
-    () => page.evaluate<boolean>('(window.posecast?.scene?.triangles ?? 0) > 1000'),
-    60_000,
-  );
+  await until('a body', holds(page, '(window.posecast?.scene?.triangles ?? 0) > 1000'), 60_000);
   await page.press('p');
   await until('presented', () => presented(page));
   await until('in the address', async () => (await hash(page)) === '#/r/demo?load=cur&present', 10_000);
@@ -59,19 +48,18 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
   );
   expect(await page.findByTestId('present-address').text()).toContain(`${relay.host}/#/r/demo`);
 
-  mkdirSync(SHOTS, { recursive: true });
   await page.press('Escape');
   await until('the page again', async () => !(await presented(page)));
   await until('not in the address', async () => !/present/.test(await hash(page)), 10_000);
-  await until('its bar', () => page.evaluate<boolean>(`document.querySelector('.top').checkVisibility()`));
+  await until('its bar', holds(page, `document.querySelector('.top').checkVisibility()`));
   await page.viewport({ width: 390, height: 844 });
   await page.press('s');
-  await until('the sheet', async () => (await page.findByTestId('present').count()) === 1);
+  await until('the sheet', there(page, 'present'));
   await page.evaluate(`document.querySelector('[data-testid=present]').click()`);
   await until('presented', () => presented(page));
   await until('legible', async () => (await tooSmall(page)).length === 0);
   expect(findWrong(await readShown(page))).toEqual([]);
-  await page.screenshot(path.join(SHOTS, 'present-phone.png'));
+  await page.screenshot('present-phone.png');
   await page.press('p');
   await until('the page again', async () => !(await presented(page)));
 
@@ -79,7 +67,7 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
   await page.open(`${relay.url}/embed/demo#/r/demo?present`);
   await until('a frame in slides', () => presented(page), 30_000);
   await until('legible', async () => (await tooSmall(page)).length === 0, 30_000);
-  await page.screenshot(path.join(SHOTS, 'present-embed.png'));
+  await page.screenshot('present-embed.png');
   // the largest last: 4K pictures in software keep a busy machine busy for a long time
   await page.open(`${relay.url}/?again#/r/demo?present`);
   await until('opened so', () => presented(page), 30_000);
@@ -96,7 +84,7 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
         );
         return until('in force', inForce, 3000).catch(() => false);
       });
-      await until('the joint', async () => (await page.findByTestId('present-joint').count()) === 1);
+      await until('the joint', there(page, 'present-joint'));
       await page.viewport(size);
       await until('large enough', async () => {
         const small = await tooSmall(page);

@@ -1,4 +1,4 @@
-import { existsSync, mkdirSync, readFileSync, renameSync, rmSync, writeFileSync } from 'node:fs';
+import { existsSync, readFileSync, renameSync, rmSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { expect, it } from 'vitest';
 import { freePort } from './driver/free_port.ts';
@@ -6,11 +6,10 @@ import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import type { Exported } from './exported.ts';
 import { Host } from './host.ts';
-import { isRecorded, LAPTOP, NEAR_MS, newPage, setLecture, TOLD, testId, textOf } from './recording_page.ts';
-import { chipText, liveness } from './robot_page.ts';
-import { REPO } from './stack.ts';
+import { isRecorded, LAPTOP, NEAR_MS, newPage, setLecture, TOLD } from './recording_page.ts';
+import { chipText, gone, holds, liveness, testId, textOf, there } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
-import { shown, WITNESS } from './truth.ts';
+import { shown, stepToFrame, WITNESS } from './truth.ts';
 
 /** In the light view, which draws often. */
 const stage = setStage({ webgl: false });
@@ -19,7 +18,6 @@ const shared = setLecture(24);
 const NGINX = '/usr/sbin/nginx';
 const PREFIX = '/~somebody/lecture/';
 const PHONE = { width: 390, height: 844 };
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 
 const atEnd =
   (page: Page, { toMs }: Exported) =>
@@ -90,8 +88,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       );
       expect(await page.findByTestId('to-live').count()).toBe(0);
       expect(await page.text()).toContain(TOLD.title);
-      mkdirSync(SHOTS, { recursive: true });
-      await page.screenshot(path.join(SHOTS, `recording-${viewport.width}.png`));
+      await page.screenshot(`recording-${viewport.width}.png`);
 
       // it plays, also frame by frame, pauses at its end and plays again
       const first = await shown(page);
@@ -99,12 +96,8 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       await until('it plays', async () => (await shown(page)).seq > first.seq + 10);
       await page.press('Space');
       await until('it rests', async () => /Play/.test(await playName(page)));
-      const rests = await shown(page);
+      const rests = await stepToFrame(page);
       expect(rests.offMs).toBeLessThan(NEAR_MS);
-      await page.press('.');
-      await until('the next frame', async () => (await shown(page)).seq === rests.seq + 1);
-      await page.press(',');
-      await until('the one before', async () => (await shown(page)).seq === rests.seq);
       const link = await until('the moment in the address', async () => {
         const href = await page.evaluate<string>('location.href');
         const named = Date.parse(/#\/\?t=([\d:.TZ-]+)/.exec(href)?.[1] ?? '');
@@ -124,7 +117,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
 
       // it is presented, and plays meanwhile
       await page.press('p');
-      await until('presented', async () => (await page.findByTestId('presentation').count()) === 1);
+      await until('presented', there(page, 'presentation'));
       expect(await textOf(page, 'present-word')).toMatch(/^RECORDED/);
       expect(await textOf(page, 'presentation')).toContain(TOLD.title);
       const still = (await shown(page)).seq;
@@ -132,7 +125,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       await until('it plays', async () => (await shown(page)).seq > still + 5);
       await page.press('Space');
       await page.press('Escape');
-      await until('no longer', async () => (await page.findByTestId('presentation').count()) === 0);
+      await until('no longer', gone(page, 'presentation'));
 
       // notes
       const marks = await page.findByTestId('note-mark').count();
@@ -142,26 +135,26 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       expect((await shown(page)).momentMs).toBe(lecture.fromMs + 12_000);
       await page.press('p');
       await until('the note in large', async () => (await textOf(page, 'present-note')) === TOLD.notes[2][1]);
-      await page.screenshot(path.join(SHOTS, `recording-presented-${viewport.width}.png`));
+      await page.screenshot(`recording-presented-${viewport.width}.png`);
       await page.press('Escape');
-      await until('no longer', async () => (await page.findByTestId('presentation').count()) === 0);
+      await until('no longer', gone(page, 'presentation'));
       await page.findByTestId('about-button').click();
-      await until('about it', async () => (await page.findByTestId('about-recording').count()) === 1);
+      await until('about it', there(page, 'about-recording'));
       const about = await textOf(page, 'about-recording');
       for (const said of [TOLD.author, TOLD.licence, TOLD.notes[1][1]]) expect(about).toContain(said);
       await offersFiles(page, 'about-recording', lecture);
-      await page.screenshot(path.join(SHOTS, `recording-about-${viewport.width}.png`));
+      await page.screenshot(`recording-about-${viewport.width}.png`);
       await page.evaluate(`document.querySelectorAll('[data-testid="go-to-note"]')[1].click()`);
       await until('the note of the list', async () => (await shown(page)).momentMs === lecture.fromMs + 4000);
 
       // the whole of it for other programs, where one saves
       await page.press('x');
-      await until('the sheet', async () => (await page.findByTestId('save-offered').count()) === 1);
+      await until('the sheet', there(page, 'save-offered'));
       await offersFiles(page, 'save-offered', lecture);
       expect(await textOf(page, 'save-mcap')).toContain('posecast convert FILE.posecast OUT.mcap');
-      await page.screenshot(path.join(SHOTS, `recording-save-${viewport.width}.png`));
+      await page.screenshot(`recording-save-${viewport.width}.png`);
       await page.press('Escape');
-      await until('no sheet', async () => (await page.findByTestId('save').count()) === 0);
+      await until('no sheet', gone(page, 'save'));
 
       // a link to a moment, and one to a moment that it does not have
       await page.open('about:blank');
@@ -194,7 +187,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
   240_000,
 );
 
-it.skipIf(!existsSync(NGINX))(
+it.skipIf(!FULL || !existsSync(NGINX))(
   'nginx serves it from a folder of its own, knowing nothing of it',
   async () => {
     const lecture = shared.copy(stage.stack);
@@ -251,7 +244,7 @@ it('parts that are missing, cut or swapped are gaps that the page counts', async
     await page.evaluate(`location.hash = '#/?t=${new Date(lostMs).toISOString()}'`);
     await until('a lost part', async () => /part .* is missing/.test(await textOf(page, 'stage-note')));
     await until('its numbers grey with the body', async () => (await numberColors(page))[0] === grey);
-    await page.screenshot(path.join(SHOTS, 'recording-gap.png'));
+    await page.screenshot('recording-gap.png');
     await page.evaluate(`location.hash = '#/?t=${new Date(lecture.fromMs).toISOString()}'`);
     await until('its first pose', async () => (await numberColors(page))[0] === fresh);
     await page.press(']');
@@ -261,7 +254,7 @@ it('parts that are missing, cut or swapped are gaps that the page counts', async
     expect(await textOf(page, 'recording-lost')).toBe(
       `3 of ${lecture.segments.length} parts are missing or damaged.`,
     );
-    await page.screenshot(path.join(SHOTS, 'recording-lost.png'));
+    await page.screenshot('recording-lost.png');
   } finally {
     await host.close();
   }
@@ -312,12 +305,11 @@ it('in a frame of another page it has its chip, a button that plays it and a sli
       readFileSync(path.join(course, 'index.html'), 'utf8').replace('ORIGIN', around.url),
     );
     await page.open(`${around.url}/`);
-    await until('it tells its page', () =>
-      page.evaluate<boolean>(
-        `window.told.some(({ word, moment_ms }) => word === 'RECORDED' && moment_ms > 0)`,
-      ),
+    await until(
+      'it tells its page',
+      holds(page, `window.told.some(({ word, moment_ms }) => word === 'RECORDED' && moment_ms > 0)`),
     );
-    await page.screenshot(path.join(SHOTS, 'recording-framed.png'));
+    await page.screenshot('recording-framed.png');
     // the frame alone: the driver can't look into another origin
     await page.open(`${host.url}${PREFIX}embed/index.html`);
     await isRecorded(page);
@@ -330,7 +322,7 @@ it('in a frame of another page it has its chip, a button that plays it and a sli
     await isRecorded(page);
     await until('the note', async () => (await textOf(page, 'note-caption')) === TOLD.notes[1][1], 30_000);
     expect(await page.evaluate<number>(`${testId('note-caption')}.clientHeight`)).toBeLessThan(60);
-    await page.screenshot(path.join(SHOTS, 'recording-framed-note.png'));
+    await page.screenshot('recording-framed-note.png');
     const first = await shown(page);
     await page.findByTestId('play').click();
     await until('it plays', async () => (await shown(page)).seq > first.seq + 10);

@@ -4,8 +4,8 @@ import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { exportPast } from './exported.ts';
-import { isRecorded, LAPTOP, NEAR_MS, recorded, TOLD, testId, textOf } from './recording_page.ts';
-import { liveness } from './robot_page.ts';
+import { isRecorded, LAPTOP, NEAR_MS, recorded, TOLD } from './recording_page.ts';
+import { is, testId, textOf, there } from './robot_page.ts';
 import { setStage } from './stage.ts';
 import { shown } from './truth.ts';
 
@@ -37,8 +37,7 @@ const posed = (page: Page) =>
     return now.momentMs !== null && now.offMs < NEAR_MS ? now : null;
   });
 
-const isList = (page: Page) =>
-  until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1, 30_000);
+const isList = (page: Page) => until('the list', there(page, 'choose-zip'), 30_000);
 
 it('a .posecast file that is chosen is shown, and what is none says so in one sentence', async () => {
   const { file: lecture, page } = await shared();
@@ -77,11 +76,11 @@ it('a folder that is dropped is shown, on the page of a robot too', async (conte
   await isRecorded(page);
   await posed(page);
   await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', async () => (await liveness(page)) === 'LIVE', 60_000);
+  await until('LIVE', is(page, 'LIVE'), 60_000);
   await page.dropFiles({ x: 400, y: 300 }, [folder]);
   await isRecorded(page);
   await page.findByRole('button', 'Close the recording').click();
-  await until('LIVE again', async () => (await liveness(page)) === 'LIVE', 60_000);
+  await until('LIVE again', is(page, 'LIVE'), 60_000);
 }, 240_000);
 
 const newer = '{"format": "posecast-recording", "version": 2}';

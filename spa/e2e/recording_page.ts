@@ -6,7 +6,7 @@ import { afterAll, beforeAll } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { type Exported, exportPast, type Told } from './exported.ts';
-import { liveness, whole } from './robot_page.ts';
+import { is, whole } from './robot_page.ts';
 import { Stack } from './stack.ts';
 import type { Stage } from './stage.ts';
 import { ClockRobot } from './truth.ts';
@@ -25,10 +25,8 @@ export const TOLD = {
   ],
 } as const satisfies Told;
 
-export const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
-export const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
 export const isRecorded = (page: Page) =>
-  until('RECORDED, with a body', async () => (await liveness(page)) === 'RECORDED' && whole(page), 60_000);
+  until('RECORDED, with a body', async () => (await is(page, 'RECORDED')()) && whole(page), 60_000);
 
 /** A robot whose pose encodes the time, and an export of its first seconds. */
 export async function recorded(stack: Stack, seconds: number, name?: string) {

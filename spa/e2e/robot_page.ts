@@ -15,6 +15,23 @@ export interface Body {
   readonly links: Readonly<Record<string, readonly number[]>>;
 }
 
+/** A knee that swings: an unchanged pose would be HOLDING. */
+export const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
+
+/** An expression for the element with this test id. */
+export const testId = (id: string) => `document.querySelector('[data-testid="${id}"]')`;
+/** All of its text, visible or not; '' if there is no such element. */
+export const textOf = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
+
+// Probes for `until`.
+export const is =
+  (page: Page, ...words: readonly string[]) =>
+  async () =>
+    words.includes(await liveness(page));
+export const there = (page: Page, id: string) => async () => (await page.findByTestId(id).count()) > 0;
+export const gone = (page: Page, id: string) => async () => (await page.findByTestId(id).count()) === 0;
+export const holds = (page: Page, expression: string) => () => page.evaluate<boolean>(expression);
+
 /** Runs before the page's own scripts: records every change of every liveness chip and every frame that the table shows. */
 export const RECORD = `(() => {
   const chips = [], rows = new Map();
@@ -139,4 +156,41 @@ export async function tapped(
     },
     60_000,
   );
+}
+
+/** Types into a field, as React sees it. `field`: an expression for the element. */
+export const enter = (page: Page, field: string, value: string) =>
+  page.evaluate(`(() => {
+    const field = ${field};
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(field, ${JSON.stringify(value)});
+    for (const kind of ['input', 'change']) field.dispatchEvent(new Event(kind, { bubbles: true }));
+  })()`);
+
+/** Keeps files that the page saves instead of downloading them: not every driver can find a download. */
+export const KEEP_SAVED = `(() => {
+  const blobs = new Map();
+  const make = URL.createObjectURL;
+  URL.createObjectURL = (blob) => {
+    const url = make.call(URL, blob);
+    blobs.set(url, blob);
+    return url;
+  };
+  window.downloads = [];
+  const click = HTMLAnchorElement.prototype.click;
+  HTMLAnchorElement.prototype.click = function () {
+    if (this.download) window.downloads.push({ name: this.download, blob: blobs.get(this.href) });
+    else click.call(this);
+  };
+})()`;
+
+/** The files that a page with `KEEP_SAVED` has saved, and the newest. */
+export const savedCount = (page: Page) => page.evaluate<number>('window.downloads.length');
+export async function newestSaved(page: Page): Promise<{ name: string; bytes: Uint8Array }> {
+  const name = await page.evaluate<string>('window.downloads.at(-1).name');
+  const data = await page.evaluate<string>(`new Promise((resolve) => {
+    const reader = new FileReader();
+    reader.onload = () => resolve(reader.result.slice(reader.result.indexOf(',') + 1));
+    reader.readAsDataURL(window.downloads.at(-1).blob);
+  })`);
+  return { name, bytes: Uint8Array.from(Buffer.from(data, 'base64')) };
 }

@@ -1,17 +1,16 @@
-import { mkdirSync, writeFileSync } from 'node:fs';
+import { writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { Host } from './host.ts';
-import { hasSkin, liveness } from './robot_page.ts';
+import { hasSkin, is } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
 
 const URDF = path.join(REPO, 'edge-agent/src/posecast_edge/demo_bundle/robot.urdf');
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const STANDING = {
   pos: { RKN: 0.9, LKN: 0.9 },
   ref: { RKN: 0.4, LKN: 0.9 },
@@ -32,7 +31,6 @@ interface Stand {
 
 const stand = (page: Page) => page.evaluate<Stand | null>('window.posecast?.scene?.stand ?? null');
 const hash = (page: Page) => page.evaluate<string>('location.hash');
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const near = (a: Stand | null, b: Stand | null) =>
   a !== null &&
   b !== null &&
@@ -43,8 +41,7 @@ const near = (a: Stand | null, b: Stand | null) =>
 describe('the address', () => {
   it('holds what is looked at, and another page opens the same', async () => {
     const relay = await demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await until('a body', () => hasSkin(page), 60_000);
     expect(await hash(page), 'nothing to tell yet').toBe('#/r/demo');
     for (const key of ['ArrowLeft', 'ArrowLeft', 'ArrowUp', '+', '+']) await page.press(key);
@@ -72,13 +69,11 @@ describe('the address', () => {
       await page.findByTestId('only-here').count(),
       'a link to this computer is of no use elsewhere',
     ).toBe(1);
-    mkdirSync(SHOTS, { recursive: true });
-    await page.screenshot(path.join(SHOTS, 'share-laptop.png'));
+    await page.screenshot('share-laptop.png');
     await page.viewport({ width: 390, height: 844 });
-    await page.screenshot(path.join(SHOTS, 'share-phone.png'));
+    await page.screenshot('share-phone.png');
 
-    const other = await stage.newPage();
-    await other.open(`${link}&theme=light&angle=deg`);
+    const other = await stage.open(`${link}&theme=light&angle=deg`);
     await until('the same place', async () => near(await stand(other), there), 60_000);
     await until('the same joint', async () => (await other.findByTestId('joint-card').count()) === 1);
     const settings = await other.evaluate<Record<string, unknown>>('window.posecast.settings');
@@ -92,14 +87,13 @@ describe('the address', () => {
 
   it('may name what does not exist: the page opens without it', async () => {
     const relay = await demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo?joint=NOPE&eye=1,2,x&theme=pink&angle=turns`);
+    const page = await stage.open(`${relay.url}/#/r/demo?joint=NOPE&eye=1,2,x&theme=pink&angle=turns`);
     await until('LIVE', is(page, 'LIVE'), 30_000);
     await until('put right', async () => (await hash(page)) === '#/r/demo', 30_000);
     expect(await page.findByTestId('joint-card').count()).toBe(0);
     await page.press('?');
     await until('the keys', async () => (await page.findByTestId('keys').count()) === 1);
-    await page.screenshot(path.join(SHOTS, 'keys-laptop.png'));
+    await page.screenshot('keys-laptop.png');
     const kept = (await page.findByTestId('keys').text()) ?? '';
     for (const key of ['t', 's', 'p', 'f', 'j', '?']) await page.press(key);
     expect(await page.findByTestId('share').count(), 'nothing opens over a dialog').toBe(0);
@@ -149,8 +143,7 @@ describe('a frame in a page of another origin', () => {
       await page.evaluate(`frames[0].postMessage({ posecast: 'look', view: 'side' }, '*')`);
       await page.evaluate(`frames[0].postMessage({ posecast: 'set', theme: 'dark' }, '*')`);
       await page.evaluate(`new Promise((then) => setTimeout(then, 1500))`);
-      mkdirSync(SHOTS, { recursive: true });
-      await page.screenshot(path.join(SHOTS, 'embed.png'));
+      await page.screenshot('embed.png');
     } finally {
       await course.close();
     }

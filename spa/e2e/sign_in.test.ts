@@ -1,33 +1,28 @@
-import { cpSync, mkdirSync, writeFileSync } from 'node:fs';
+import { cpSync, writeFileSync } from 'node:fs';
 import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { Host } from './host.ts';
-import { liveness } from './robot_page.ts';
+import { is, SWINGING, there } from './robot_page.ts';
 import { PYTHON, REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
-const SWINGING = { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } };
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 const PROJECT = 'demo-posecast';
 const [EMAIL, PASSWORD] = ['student@example.org', 'open-sesame'];
 
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
-const there = (page: Page, id: string) => async () => (await page.findByTestId(id).count()) > 0;
 const loaded = (page: Page) => page.requested.filter((url) => /\/assets\/account-[\w-]+\.js/.test(url));
 
 /** On a laptop and on a phone, in e2e/shots. */
 async function photograph(page: Page, name: string): Promise<void> {
-  mkdirSync(SHOTS, { recursive: true });
   for (const [screen, viewport] of Object.entries({
     phone: { width: 390, height: 844 },
     laptop: { width: 1280, height: 800 },
   })) {
     await page.viewport(viewport);
-    await page.screenshot(path.join(SHOTS, `${name}-${screen}.png`));
+    await page.screenshot(`${name}-${screen}.png`);
   }
 }
 

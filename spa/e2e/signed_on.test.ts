@@ -1,27 +1,17 @@
 import type { IncomingMessage } from 'node:http';
-import path from 'node:path';
 import { afterEach, beforeEach, describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { Gate, type OwnAnswer } from './gate.ts';
 import { Host } from './host.ts';
-import { hasSkin, liveness } from './robot_page.ts';
-import { REPO } from './stack.ts';
+import { hasSkin, is, there } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
-const SHOTS = path.join(REPO, 'spa/e2e/shots');
 /** What a browser logs after a session has ended: it follows redirects of scripts and pictures. */
 const CUT = /WebSocket|Content.Security.Policy|CORS|MIME type|held back by policy/i;
 
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
-const there = (page: Page, id: string) => async () => (await page.findByTestId(id).count()) > 0;
 const says = (page: Page, what: RegExp) => async () => what.test(await page.text());
 
 /** A robot behind a proxy that people sign in to. */
@@ -31,7 +21,7 @@ describe('behind a proxy that asks for', () => {
   let login: Host;
   let signedIn = true;
   beforeEach(async () => {
-    gate = await Gate.open((await demo()).port);
+    gate = await Gate.open((await stage.demo()).port);
     login = await Host.open(stage.stack.folder());
     login.instead.set('/index.html', '<p>Who are you?</p>');
     login.instead.set('/favicon.ico', '');
@@ -99,7 +89,7 @@ describe('behind a proxy that asks for', () => {
     const note = page.findByTestId('stage-note');
     await until('in place of a count', async () => (await note.text()).startsWith('Sign in again.'));
     expect(await page.text()).not.toMatch(/Trying again/);
-    await page.screenshot(path.join(SHOTS, 'sign-in-again.png'));
+    await page.screenshot('sign-in-again.png');
     const other = await newPage(); // signs in elsewhere
     signedIn = true;
     await other.open(`${gate.url}/signed-in`);
@@ -110,7 +100,7 @@ describe('behind a proxy that asks for', () => {
     await page.evaluate(`location.hash = '#/'`);
     await until('the list says so, too', there(page, 'sign-in-needed'), 30_000);
     await until('instead of its robots', says(page, /Sign in again\./));
-    await page.screenshot(path.join(SHOTS, 'sign-in-again-list.png'));
+    await page.screenshot('sign-in-again-list.png');
     await page.findByRole('button', 'Reload').click();
     await until('the sign-in page', says(page, /Who are you/), 30_000);
   });

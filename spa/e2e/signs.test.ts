@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import type { Process } from './process.ts';
-import { body, drawsNothing, finest, liveness, renderedFrames } from './robot_page.ts';
+import { body, drawsNothing, enter, finest, gone, holds, is, renderedFrames, there } from './robot_page.ts';
 import { choose, DEMO, demoAt, FAULT, labels, shown, signs } from './sign_words.ts';
 import type { Relay, Sample } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
@@ -27,8 +27,7 @@ async function standing(
 ): Promise<{ relay: Relay; source: Process; page: Page }> {
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, sample, DEMO);
-  const page = await stage.newPage({ preload });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { preload });
   await shown(page);
   return { relay, source, page };
 }
@@ -39,7 +38,7 @@ async function calls(page: Page): Promise<number> {
   const before = await renderedFrames(page);
   await page.findByRole('button', 'side').click();
   await until('another picture', async () => (await renderedFrames(page)) > before);
-  await until('rest', () => page.evaluate<boolean>('window.posecast.scene.resting'));
+  await until('rest', holds(page, 'window.posecast.scene.resting'));
   return page.evaluate<number>('window.posecast.scene.drawCalls');
 }
 
@@ -78,10 +77,9 @@ describe('what a robot does not say', () => {
       { ref: { ...many, RKN: 0.4 }, pos: { ...many, RKN: 0 } },
       { model: DEMO.model },
     );
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await shown(page);
-    await until('LIVE or HOLDING', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
+    await until('LIVE or HOLDING', is(page, 'LIVE', 'HOLDING'));
     expect(await signs(page)).toMatchObject({
       wrenches: [],
       deviations: [],
@@ -189,17 +187,11 @@ describe('limits', () => {
 
     const openLimits = async () => {
       await page.findByRole('button', 'Settings').click();
-      await until('limits', async () => (await page.findByTestId('limits').count()) > 0);
+      await until('limits', there(page, 'limits'));
     };
     await openLimits();
     const high = '[data-testid="limit-ftf-RF.fz"] .number-field:nth-of-type(2) input';
-    const type = (text: string) =>
-      page.evaluate(`(() => {
-        for (const details of document.querySelectorAll('.limits details')) details.open = true;
-        const input = document.querySelector(${JSON.stringify(high)});
-        Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, ${JSON.stringify(text)});
-        input.dispatchEvent(new Event('input', { bubbles: true }));
-      })()`);
+    const type = (text: string) => enter(page, `document.querySelector(${JSON.stringify(high)})`, text);
     await type('100');
     await until('a fault', async () => (await foot())?.level === 'fault');
     expect(await page.evaluate(`document.querySelector('[data-sign="wrench-RF"]').dataset.level`)).toBe(
@@ -218,7 +210,7 @@ describe('limits', () => {
     await page.findByRole('button', 'Reset all to profile').click();
     await until('well again', async () => (await foot())?.level === 'ok');
     await page.press('Escape');
-    await until('closed', async () => (await page.findByTestId('limits').count()) === 0);
+    await until('closed', gone(page, 'limits'));
   });
 });
 
@@ -250,7 +242,7 @@ describe('load on the body', () => {
 it.skipIf(!FULL)('all signs of an unchanged robot cost no pictures', async () => {
   const { page } = await standing(demoAt(42));
   await until('a ghost', async () => (await signs(page)).ghostLinks.length > 0);
-  await until('HOLDING', async () => (await liveness(page)) === 'HOLDING', 30_000);
+  await until('HOLDING', is(page, 'HOLDING'), 30_000);
   await until('the finest shells', () => finest(page), 60_000);
   await drawsNothing(page, 10);
 });

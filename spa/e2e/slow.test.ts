@@ -25,22 +25,21 @@ const AS_IT_COMES = `try { localStorage.setItem('posecast.settings', '{}') } cat
 describe.skipIf(!FULL)('a slow device', () => {
   it('gets ten poses a second, in 3D or, where that is too slow, by hand', async (context) => {
     stage.needs(context, 'slow');
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
-    const page = await stage.newPage({ viewport: { width: 390, height: 700 }, preload: AS_IT_COMES });
-    await page.open(`${relay.url}/#/r/demo`);
+    const relay = await stage.stack.demo();
+    const page = await stage.open(`${relay.url}/#/r/demo`, {
+      viewport: { width: 390, height: 700 },
+      preload: AS_IT_COMES,
+    });
     await until('a body', async () => (await shells(page)) > 500, 60_000);
     await staysWatchable(page, async () => (await trouble(page)) === 'slow');
   });
 
   it('too slow for 3D goes over to the light view by itself and says so; asked to stay in 3D, it stays', async () => {
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
-    const page = await stage.newPage({
+    const relay = await stage.stack.demo();
+    const page = await stage.open(`${relay.url}/#/r/demo`, {
       viewport: { width: 390, height: 700 },
       preload: `${AS_IT_COMES};${LONG_REPAINTS.replace('70', '130')}`,
     });
-    await page.open(`${relay.url}/#/r/demo`);
     await until('3D', async () => (await shells(page)) > 500 && (await trouble(page)) !== 'slow', 60_000);
     await until('by hand', async () => (await trouble(page)) === 'slow', 120_000);
     await until('a body', async () => (await shells(page)) > 500, 60_000);
@@ -63,11 +62,12 @@ describe.skipIf(!FULL)('a slow device', () => {
 
   it('gets the light view when the person wants it, and with it ten poses a second', async (context) => {
     stage.needs(context, 'slow');
-    const relay = await stage.stack.relay();
-    stage.stack.edge(relay);
+    const relay = await stage.stack.demo();
     // A slow repaint, as on a device with a weak GPU.
-    const page = await stage.newPage({ viewport: { width: 390, height: 700 }, preload: LONG_REPAINTS });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, {
+      viewport: { width: 390, height: 700 },
+      preload: LONG_REPAINTS,
+    });
     await until(
       'it is offered',
       async () => (await page.findByRole('button', 'Light view').count()) === 1,
@@ -90,10 +90,9 @@ describe.skipIf(!FULL)('a slow device', () => {
     const files = await writeBuilt(stage.stack.folder(), sampleChain(60));
     const swinging = { pos: { joint1: 0.3 }, wave: { pos: { joint2: [0.5, 0.5] } } };
     const { source } = stage.stack.fedEdge(relay, swinging, { model: files.folder });
-    const page = await stage.newPage({
+    const page = await stage.open(`${relay.url}/#/r/demo`, {
       preload: LONG_REPAINTS,
     });
-    await page.open(`${relay.url}/#/r/demo`);
     await until('a body', async () => (await shells(page)) > 500, 60_000);
     const whole = await ratio(page);
     await until('lower resolution', async () => (await ratio(page)) < whole, 60_000);

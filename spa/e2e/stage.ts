@@ -1,11 +1,13 @@
 /** The basis of every browser test: one browser for the files of a process, one stack and fresh pages per test, and rules that no
  *  page may break. */
 
+import { mkdirSync } from 'node:fs';
+import path from 'node:path';
 import { afterAll, afterEach, beforeAll, beforeEach, expect, type TestContext } from 'vitest';
 import { CLOUD } from './cloud.ts';
 import { keepBrowser } from './driver/engines.ts';
 import type { Ability, Browser, BrowserOptions, Page, PageOptions } from './driver/page.ts';
-import { Stack } from './stack.ts';
+import { REPO, type Relay, Stack } from './stack.ts';
 
 /** Whether to run the slow tests as well: `make test-full`. */
 export const FULL = process.env.POSECAST_FULL === '1';
@@ -16,10 +18,14 @@ export interface Stage {
   /** Skips the test, with the reason, in an engine whose driver does not support this. */
   needs(context: TestContext, ability: Ability): void;
   newPage(options?: PageOptions): Promise<Page>;
+  /** A new page at this address. */
+  open(url: string, options?: PageOptions): Promise<Page>;
   /** What all tests of this file look at: `start` is called by the first one that asks, and again by the one after a test that
    *  failed. Pages from its `newPage` stay open till the end of the file; each test leaves them as it found them. Call it
    *  beside `setStage`. */
   share<T>(start: (stack: Stack, newPage: Stage['newPage']) => Promise<T>): () => Promise<T>;
+  /** The relay of a demo robot that all tests of this file share. */
+  demo(): Promise<Relay>;
 }
 
 /** Software renders 3D as slowly as the slowest phone: without this, a page would switch to the light view in the middle of a
@@ -30,14 +36,27 @@ const KEEP_3D = `(() => {
   } catch {} // no storage here
 })()`;
 
+/** Where pages save their pictures, unless a test names another folder. */
+const SHOTS = path.join(REPO, 'spa/e2e/shots');
+mkdirSync(SHOTS, { recursive: true });
+
 /** Whether pages draw the body's pixels though no test reads them: for screenshots to look at. */
 const PAINTED = FULL || process.env.POSECAST_PAINTED === '1';
 
-/** Everything about 3D is real but its pixels: software needs a core to fill them, and hardly any test looks at them. Nor at
- *  sixty pictures a second: one each 60 ms is as on a slow phone. */
+/** Everything about 3D is real but its pixels: software needs a core to fill them, and hardly any test looks at them. A page
+ *  fills them once `window.painting` is true. */
 const UNPAINTED = `(() => {
-  const names = ['clear', 'drawArrays', 'drawElements', 'drawRangeElements', 'drawArraysInstanced', 'drawElementsInstanced'];
-  for (const name of names) (window.WebGL2RenderingContext?.prototype ?? {})[name] = () => {};
+  const gl = window.WebGL2RenderingContext?.prototype ?? {};
+  for (const name of ['clear', 'drawArrays', 'drawElements', 'drawRangeElements', 'drawArraysInstanced', 'drawElementsInstanced']) {
+    const draw = gl[name];
+    gl[name] = function (...how) {
+      if (window.painting) draw.apply(this, how);
+    };
+  }
+})()`;
+
+/** Nor at sixty pictures a second: one each 60 ms is as on a slow phone. */
+const SELDOM = `(() => {
   const request = window.requestAnimationFrame.bind(window), cancel = window.cancelAnimationFrame.bind(window);
   const waiting = new Map();
   let last = 0;
@@ -84,9 +103,13 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
   }
 
   async function openPage(pageOptions: PageOptions): Promise<Page> {
-    const preload = `${KEEP_3D};${paints ? '' : UNPAINTED};${pageOptions.preload ?? ''}`;
+    const rate = PAINTED || process.env.POSECAST_WRITE_PICTURES === '1' ? '' : SELDOM;
+    const preload = `${KEEP_3D};${paints ? '' : UNPAINTED};${rate};${pageOptions.preload ?? ''}`;
     const page = await stage.browser.newPage({ ...pageOptions, preload });
-    if (!paints) page.screenshot = async () => undefined; // it would have no body
+    const shoot = page.screenshot.bind(page);
+    page.screenshot = async (name) => {
+      if (paints) await shoot(path.resolve(SHOTS, name)); // otherwise it would have no body
+    };
     return page;
   }
 
@@ -113,7 +136,7 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
     const ofThisTest = stack;
     context.onTestFailed(({ task }) => {
       failed = true;
-      // with the reason, which is not reported for a test that passes on a retry
+      // with what its processes said
       console.error(task.result?.errors?.at(-1)?.stack, ofThisTest.logs, shared.logs);
     });
   });
@@ -150,6 +173,11 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
       pages.push(page);
       return page;
     },
+    async open(url, pageOptions) {
+      const page = await stage.newPage(pageOptions);
+      await page.open(url);
+      return page;
+    },
     share(start) {
       let started: ReturnType<typeof start> | null = null;
       let startedAt = times;
@@ -163,6 +191,8 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
         return started;
       };
     },
+    demo: () => demo(),
   };
+  const demo = stage.share((ofAll) => ofAll.demo());
   return stage;
 }

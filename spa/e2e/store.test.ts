@@ -2,7 +2,7 @@ import { execFileSync } from 'node:child_process';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
-import { liveness, RECORD, shownPositions } from './robot_page.ts';
+import { is, RECORD, shownPositions } from './robot_page.ts';
 import { PYTHON, REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -24,9 +24,8 @@ describe('a real Redis', () => {
     const relay = await stage.stack.relay({ store: url });
     const tap = stage.stack.tap(relay);
     const edge = stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: RECORD });
-    await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', async () => ['LIVE', 'HOLDING'].includes(await liveness(page)));
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD });
+    await until('LIVE', is(page, 'LIVE', 'HOLDING'));
     await until('frames', async () => (await shownPositions(page)).size > 10, 60_000);
 
     await edge.kill();

@@ -5,13 +5,11 @@ import { describe, expect, it } from 'vitest';
 import { en } from '../src/app/text/en.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { chipText, liveness } from './robot_page.ts';
+import { chipText, holds, is, SWINGING, there } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
 
-const SWINGING = { pos: { RKN: 0, LKN: 0.2 }, wave: { pos: { RKN: [0.4, 0.5] } } };
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
 const text = (page: Page, selector: string) =>
   page.evaluate<string>(`document.querySelector(${JSON.stringify(selector)})?.textContent ?? ''`);
 const note = (page: Page) => text(page, '[data-testid=stage-note]');
@@ -25,8 +23,7 @@ function profile(toml: string): string {
 describe.skipIf(!FULL)('an address', () => {
   it('of a robot that is not there says so, and goes on when it comes', async () => {
     const relay = await stage.stack.relay();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/nobody`);
+    const page = await stage.open(`${relay.url}/#/r/nobody`);
     await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
     await until('said so', async () => (await note(page)).startsWith('This robot is not on air.'));
     stage.stack.fedEdge(relay, SWINGING, { robot: 'nobody' });
@@ -61,12 +58,11 @@ describe.skipIf(!FULL)('an address', () => {
     'that names nothing says so and leads to the list: %s',
     async (hash) => {
       const relay = await stage.stack.relay();
-      const page = await stage.newPage();
-      await page.open(`${relay.url}/${hash}`);
+      const page = await stage.open(`${relay.url}/${hash}`);
       await until('said so', async () => (await text(page, '.broken')).includes('Nothing here'), 30_000);
       expect(await page.evaluate<boolean>('window.bitten === undefined')).toBe(true);
       await page.findByRole('link', 'All robots').click();
-      await until('the list', async () => (await page.findByTestId('no-robots').count()) === 1);
+      await until('the list', there(page, 'no-robots'));
     },
   );
 });
@@ -75,8 +71,7 @@ describe.skipIf(!FULL)('a robot', () => {
   it('that comes back under another name is OFFLINE under the old one, and in the list under the new', async () => {
     const relay = await stage.stack.relay();
     const first = stage.stack.fedEdge(relay, SWINGING, { robot: 'old' });
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/old`);
+    const page = await stage.open(`${relay.url}/#/r/old`);
     await until('LIVE', is(page, 'LIVE'), 30_000);
     await first.edge.stop();
     stage.stack.fedEdge(relay, SWINGING, { robot: 'new' });
@@ -85,7 +80,7 @@ describe.skipIf(!FULL)('a robot', () => {
     await until('said so', async () => (await note(page)).startsWith('Offline since'));
     expect(await text(page, 'td[data-field=pos]'), 'its last pose is still to be read').toMatch(/\d/);
     await page.findByRole('link', 'All robots').click();
-    await until('the new name', async () => (await page.findByTestId('robot-new').count()) === 1, 30_000);
+    await until('the new name', there(page, 'robot-new'), 30_000);
     await page.findByTestId('robot-new').click();
     await until('LIVE', is(page, 'LIVE'), 30_000);
   });
@@ -95,8 +90,7 @@ describe.skipIf(!FULL)('a robot', () => {
       profile(`[robot]\nname = "${name}"\n[labels]\njoint = ["RKN", "LKN"]\n[[fields]]\nname = "pos"\n`);
     const relay = await stage.stack.relay();
     const first = stage.stack.fedEdge(relay, SWINGING, { profile: named('Anna') });
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await until('its name', async () => (await text(page, '.robot-name')) === 'Anna', 30_000);
     await page.evaluate('window.born = true');
     await first.edge.stop();
@@ -141,7 +135,7 @@ describe.skipIf(!FULL)('a robot', () => {
     await whole('page');
     await page.press('Escape');
     await page.press('s');
-    await until('the sheet', async () => (await page.findByTestId('share').count()) === 1);
+    await until('the sheet', there(page, 'share'));
     const frame = await page.evaluate<string>(
       `[...document.querySelectorAll('[data-testid=share] code')].at(-1).textContent`,
     );
@@ -193,8 +187,7 @@ it.skipIf(!FULL)(
     stage.stack.fedEdge(relay, SWINGING);
     const newer = await newerRelay(relay.port);
     try {
-      const page = await stage.newPage();
-      await page.open(`${newer.url}/#/r/demo`);
+      const page = await stage.open(`${newer.url}/#/r/demo`);
       await until('said so', async () => /newer protocol than this page/.test(await note(page)), 30_000);
       await until('LIVE', is(page, 'LIVE'), 30_000);
       expect(await note(page), 'it stays said').toMatch(/Reload/);
@@ -211,10 +204,9 @@ it.skipIf(!FULL)('a fault of 30 ms reaches a viewer who may have one pose a seco
   const fine = { ...SWINGING, flags: { RKN: ['homed', 'enabled'] } };
   const relay = await stage.stack.relay({ robots: file });
   const { source } = stage.stack.fedEdge(relay, fine, { profile: 'demo' });
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`);
   await until('LIVE', is(page, 'LIVE'), 30_000);
-  await until('one pose a second', () => page.evaluate<boolean>('window.posecast.link.granted_hz === 1'));
+  await until('one pose a second', holds(page, 'window.posecast.link.granted_hz === 1'));
   const line = () => text(page, '[data-testid=fault-line]');
   await until('no faults', async () => (await line()) === 'No faults');
   for (let n = 0; n < 3; n += 1) {

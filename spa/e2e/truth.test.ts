@@ -3,7 +3,7 @@ import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { FaultyLink } from './proxy.ts';
-import { chips, liveness, RECORD, whole } from './robot_page.ts';
+import { chips, is, RECORD, whole } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 import { ageOfLive, ClockRobot, WITNESS } from './truth.ts';
@@ -13,11 +13,8 @@ const stage = setStage();
 /** Longer than a page may call an old pose live, and shorter than it takes to notice a dead socket. */
 const OUTAGE_MS = 2600;
 
-const is = (page: Page, word: string) => async () => (await liveness(page)) === word;
-
 async function watched(url: string): Promise<Page> {
-  const page = await stage.newPage({ preload: `${RECORD};${WITNESS}` });
-  await page.open(`${url}/#/r/demo`);
+  const page = await stage.open(`${url}/#/r/demo`, { preload: `${RECORD};${WITNESS}` });
   await until('LIVE', is(page, 'LIVE'), 60_000);
   await until('a body', () => whole(page), 60_000);
   return page;

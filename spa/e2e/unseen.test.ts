@@ -1,16 +1,11 @@
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness, shownSeq } from './robot_page.ts';
+import { is, shownSeq } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 /** What the relay sends to a page that requests nothing. */
 const NOTHING = 0;
@@ -33,10 +28,9 @@ async function comesBack(page: Page, relay: Relay, of: string, missedFrom: numbe
 
 describe('a page that nobody sees', () => {
   it('behind another tab asks for no poses, and comes back with the newest', async () => {
-    const relay = await demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', async () => (await liveness(page)) === 'LIVE', 30_000);
+    const relay = await stage.demo();
+    const page = await stage.open(`${relay.url}/#/r/demo`);
+    await until('LIVE', is(page, 'LIVE'), 30_000);
     // A headless browser has no other tab to bring to the front, so the page is told that there is one.
     const hide = (hidden: boolean) =>
       page.evaluate(`(() => {
@@ -50,13 +44,12 @@ describe('a page that nobody sees', () => {
     expect((await shownSeq(page)) ?? -1, 'poses while hidden').toBeLessThanOrEqual(stood + 5);
     await hide(false);
     await comesBack(page, relay, 'window', stood);
-    await until('LIVE again', async () => (await liveness(page)) === 'LIVE');
+    await until('LIVE again', is(page, 'LIVE'));
   });
 
   it('in an iframe that is scrolled away asks for no poses, and comes back with the newest', async () => {
-    const relay = await demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/`);
+    const relay = await stage.demo();
+    const page = await stage.open(`${relay.url}/#/`);
     await page.evaluate(`(() => {
       const room = document.createElement('div');
       const frame = document.createElement('iframe');

@@ -3,7 +3,7 @@ import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { body } from './robot_page.ts';
+import { body, holds, there } from './robot_page.ts';
 import { buildModel, canBuild } from './shared_robots.ts';
 import { forwardKinematics } from './stack.ts';
 import { setStage } from './stage.ts';
@@ -80,9 +80,8 @@ async function listed(built = true): Promise<Page> {
   } else {
     stage.stack.fedEdge(relay, { pos: POS }, { robot: 'free', urdf, meshTools: false });
   }
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/#/`);
-  await until('it is listed', async () => (await page.findByTestId('robot-free').count()) === 1, 30_000);
+  const page = await stage.open(`${relay.url}/#/`);
+  await until('it is listed', there(page, 'robot-free'), 30_000);
   return page;
 }
 
@@ -106,8 +105,9 @@ describe('a URDF', () => {
       expect(await line.text()).toContain("joint 'tilt' is revolute and has no <limit> · line 10");
       await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);
       await page.viewport({ width: 390, height: 844 });
-      await until('body over numbers', () =>
-        page.evaluate<boolean>(`document.querySelector('.stacked .model-findings') !== null`),
+      await until(
+        'body over numbers',
+        holds(page, `document.querySelector('.stacked .model-findings') !== null`),
       );
       // a line about a slow device, or joints without a reading, as shown on a phone
       const covered = await page.evaluate<number>(`(() => {

@@ -4,6 +4,7 @@ import {
   type BrowserContext,
   type CDPSession,
   chromium,
+  type Disposable,
   type Locator,
   type Page as PlaywrightPage,
 } from 'playwright-core';
@@ -50,26 +51,37 @@ export async function openChromium(options: BrowserOptions = {}): Promise<Browse
     headless: true,
     args: [...ARGS, ...(options.webgl === false ? ['--disable-3d-apis'] : WEBGL)],
   });
+  const idle = new Map<string, Tab[]>();
   return {
     engine: 'chromium',
     version: browser.version(),
     lacks: {},
-    async newPage(pageOptions: PageOptions = {}): Promise<Page> {
-      const viewport = pageOptions.viewport ?? { width: 1280, height: 800 };
-      const { motion, scheme, colors } = pageOptions.media ?? {};
-      const context = await browser.newContext({
-        viewport,
-        hasTouch: pageOptions.touch === true,
-        ignoreHTTPSErrors: options.strangersCertificate === true,
-        ...(motion === undefined ? {} : { reducedMotion: motion }),
-        ...(scheme === undefined ? {} : { colorScheme: scheme }),
-        ...(colors === undefined ? {} : { forcedColors: 'active' as const }),
-      });
-      if (pageOptions.preload !== undefined) await context.addInitScript(pageOptions.preload);
-      return new ChromiumPage(context, await context.newPage());
+    async newPage({ viewport = { width: 1280, height: 800 }, preload, touch, media = {} }: PageOptions = {}) {
+      const kind = JSON.stringify([touch, media]);
+      let tab = idle.get(kind)?.pop();
+      if (tab === undefined) {
+        const context = await browser.newContext({
+          viewport,
+          hasTouch: touch === true,
+          ignoreHTTPSErrors: options.strangersCertificate === true,
+          ...(media.motion === undefined ? {} : { reducedMotion: media.motion }),
+          ...(media.scheme === undefined ? {} : { colorScheme: media.scheme }),
+          ...(media.colors === undefined ? {} : { forcedColors: 'active' as const }),
+        });
+        tab = { context, page: await context.newPage() };
+      } else await tab.page.setViewportSize(viewport);
+      const script = preload === undefined ? null : await tab.context.addInitScript(preload);
+      const keep = (emptied: Tab) => idle.set(kind, [...(idle.get(kind) ?? []), emptied]);
+      return new ChromiumPage(tab, script, keep);
     },
     close: () => browser.close(),
   };
+}
+
+/** One that is empty again serves the next page of its kind: to start its process takes as long as the page itself. */
+interface Tab {
+  readonly context: BrowserContext;
+  readonly page: PlaywrightPage;
 }
 
 class ChromiumPage implements Page {
@@ -77,13 +89,18 @@ class ChromiumPage implements Page {
   readonly #complaints = new Complaints(NETWORK_LOG);
   readonly #context: BrowserContext;
   readonly #page: PlaywrightPage;
+  readonly #script: Disposable | null;
+  readonly #keep: (emptied: Tab) => void;
   readonly #allowed = new Set<string>();
   #host: string | null = null;
   #devtools: Promise<CDPSession> | null = null;
+  #isClosed = false;
 
-  constructor(context: BrowserContext, page: PlaywrightPage) {
+  constructor({ context, page }: Tab, script: Disposable | null, keep: (emptied: Tab) => void) {
     this.#context = context;
     this.#page = page;
+    this.#script = script;
+    this.#keep = keep;
     context.on('request', (request) => this.requested.push(request.url()));
     page.on('websocket', (socket) => this.requested.push(socket.url()));
     page.on('pageerror', (error) => this.#complaints.add(`uncaught: ${error.stack ?? error.message}`));
@@ -225,8 +242,30 @@ class ChromiumPage implements Page {
     this.#allowed.add(host);
   }
 
-  close(): Promise<void> {
-    return this.#context.close();
+  async close(): Promise<void> {
+    if (this.#isClosed) return;
+    this.#isClosed = true;
+    for (const name of ['websocket', 'pageerror', 'console'] as const) this.#page.removeAllListeners(name);
+    this.#context.removeAllListeners('request');
+    const isEmpty = await this.#empty().then(
+      () => true,
+      () => false,
+    );
+    if (isEmpty) this.#keep({ context: this.#context, page: this.#page });
+    else await this.#context.close();
+  }
+
+  /** Leaves the page and forgets what it has stored. Throws an Error if its process does not answer. */
+  async #empty(): Promise<void> {
+    const cdp = await this.#cdp();
+    await this.#script?.dispose();
+    await this.#page.evaluate('try { sessionStorage.clear() } catch {}');
+    await this.#page.goto('about:blank', { timeout: 5000 });
+    const origins = new Set(this.requested.map((url) => new URL(url).origin));
+    for (const origin of origins)
+      if (origin !== 'null') await cdp.send('Storage.clearDataForOrigin', { origin, storageTypes: 'all' });
+    await this.#context.clearCookies();
+    await cdp.detach(); // and its slow processor
   }
 
   /** Chromium's own protocol, for what Playwright does not support. */

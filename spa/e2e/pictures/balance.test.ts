@@ -1,7 +1,7 @@
 import { describe, it } from 'vitest';
 import type { Page } from '../driver/page.ts';
 import { until } from '../driver/until.ts';
-import { resting } from '../robot_page.ts';
+import { holds, resting } from '../robot_page.ts';
 import { demoAt } from '../sign_words.ts';
 import { setStage } from '../stage.ts';
 import {
@@ -67,7 +67,7 @@ async function openAlone(url: string): Promise<Page> {
 }
 
 async function drawn(page: Page, what: string, shown: string): Promise<void> {
-  await until(what, () => page.evaluate<boolean>(`(${shown}) === true`), 60_000);
+  await until(what, holds(page, `(${shown}) === true`), 60_000);
 }
 
 /** The signs about the robot at one second of its motion, or after a part of it, from this side. `shows`: what must be drawn. */

@@ -2,6 +2,7 @@ import { execFileSync } from 'node:child_process';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import { until } from '../driver/until.ts';
+import { holds } from '../robot_page.ts';
 import { demoOver } from '../sign_words.ts';
 import { PYTHON, REPO } from '../stack.ts';
 import { setStage } from '../stage.ts';
@@ -48,8 +49,9 @@ describe.runIf(WRITES)('the moving picture', () => {
     for (const [i, moment] of moments.entries()) {
       robot.show(moment);
       const reached = (moment.pos?.RKN ?? 0) - 0.002;
-      await until('the moment', () =>
-        page.evaluate<boolean>(`Math.abs(window.posecast.twin.value('pos', 'RKN') - ${reached}) < 0.004`),
+      await until(
+        'the moment',
+        holds(page, `Math.abs(window.posecast.twin.value('pos', 'RKN') - ${reached}) < 0.004`),
       );
       await page.evaluate(`window.setRobotMs(${i * EACH_MS})`);
       const file = path.join(folder, `${String(i).padStart(3, '0')}.png`);

@@ -1,6 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { Page } from '../driver/page.ts';
 import { until } from '../driver/until.ts';
+import { holds } from '../robot_page.ts';
 import { demoAt, signs } from '../sign_words.ts';
 import { setStage } from '../stage.ts';
 import { cut, dressed, LAPTOP, sharpPage, takeLive, WRITES, whole, write } from './picture.ts';
@@ -117,17 +118,13 @@ describe.runIf(WRITES)('pictures of the signs', () => {
       page.evaluate<boolean>(
         `[...document.querySelectorAll('[data-testid^=line-] [data-testid=liveness]')].filter((chip) => chip.dataset.state === 'LIVE').length === 2`,
       );
-    await until(
-      'both bodies',
-      () => page.evaluate<boolean>('(window.posecast?.scene?.triangles ?? 0) > 20000'),
-      60_000,
-    );
+    await until('both bodies', holds(page, '(window.posecast?.scene?.triangles ?? 0) > 20000'), 60_000);
     const part = await until(
       'both live',
       async () => {
         for (const robot of robots) robot.stir();
         await until('LIVE', live, 10_000);
-        await until('rest', () => page.evaluate<boolean>('window.posecast.scene.resting'), 20_000);
+        await until('rest', holds(page, 'window.posecast.scene.resting'), 20_000);
         const taken = await whole(stage, page, LAPTOP, 0.75);
         return (await live()) ? taken : null;
       },

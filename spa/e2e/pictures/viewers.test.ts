@@ -2,7 +2,7 @@ import { strToU8, zipSync } from 'fflate';
 import { describe, it } from 'vitest';
 import type { Page } from '../driver/page.ts';
 import { until } from '../driver/until.ts';
-import { liveness, tapped } from '../robot_page.ts';
+import { holds, liveness, tapped, there } from '../robot_page.ts';
 import { demoAt } from '../sign_words.ts';
 import { setStage } from '../stage.ts';
 import {
@@ -91,9 +91,7 @@ describe.runIf(WRITES)('pictures of the page', () => {
     await page.viewport(LAPTOP);
     for (const field of ['pos', 'ref', 'cur']) await page.findByTestId(`plot-${field}`).click();
     await page.findByRole('tab', /^Plots/).click();
-    await until('three traces', () =>
-      page.evaluate<boolean>('document.querySelectorAll("[data-testid=trace]").length === 3'),
-    );
+    await until('three traces', holds(page, 'document.querySelectorAll("[data-testid=trace]").length === 3'));
     await robot.play(36, JAMMED_S);
     await page.press('0');
     const laptop = await takeLive(
@@ -157,7 +155,7 @@ describe.runIf(WRITES)('pictures of the page', () => {
     const relay = await stage.stack.relay();
     const page = await sharpPage(stage, { theme: 'light' });
     await page.open(`${relay.url}/#/`);
-    await until('the list', async () => (await page.findByTestId('choose-zip').count()) === 1);
+    await until('the list', there(page, 'choose-zip'));
     const zip = Buffer.from(zipSync({ 'arm/arm.urdf': strToU8(ARM) })).toString('base64');
     await page.evaluate(`(() => {
       const bytes = Uint8Array.from(atob('${zip}'), (c) => c.charCodeAt(0));
@@ -167,15 +165,13 @@ describe.runIf(WRITES)('pictures of the page', () => {
       input.files = chosen.files;
       input.dispatchEvent(new Event('change', { bubbles: true }));
     })()`);
-    await until('a body', () =>
-      page.evaluate<boolean>('Object.keys(window.posecast?.scene?.linkPoses() ?? {}).length > 5'),
-    );
+    await until('a body', holds(page, 'Object.keys(window.posecast?.scene?.linkPoses() ?? {}).length > 5'));
     await page.evaluate(`[...document.querySelectorAll('.local-slider input')].forEach((slider, i) => {
       const value = String([0.5, 0.6, -1.2, 0.4, 0.02, 0.02][i] ?? 0);
       Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(slider, value);
       slider.dispatchEvent(new Event('input', { bubbles: true }));
     })`);
-    await until('it has moved', () => page.evaluate<boolean>('window.posecast.scene.resting'));
+    await until('it has moved', holds(page, 'window.posecast.scene.resting'));
     await write(page, 'drop', 'down', await whole(stage, page, LAPTOP, 0.75));
   }, 300_000);
 });

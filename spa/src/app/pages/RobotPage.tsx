@@ -45,7 +45,7 @@ const BODY_LEAST_PX = 280;
 const RAISE_MS = 400;
 
 export function RobotPage({ robot, onSettings }: { robot: string; onSettings: (link: RobotLink) => void }) {
-  const link = useRobotLink(robot);
+  const link = useRobotLink(robot, true);
   return link === null ? null : <Loaded live={link} onSettings={() => onSettings(link)} />;
 }
 

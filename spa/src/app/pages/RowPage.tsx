@@ -180,7 +180,7 @@ interface MemberProps {
 
 /** One robot of the row: its connection, its body, and the label over its head. */
 function Member(props: MemberProps) {
-  const link = useRobotLink(props.robot);
+  const link = useRobotLink(props.robot, false);
   return link === null ? null : <Linked {...props} link={link} />;
 }
 

@@ -30,7 +30,6 @@ export function usePast(live: RobotLink, wanted = true): Past | null | undefined
     let opened: Past | null = null;
     const atMs = momentIn(address.get()); // before the address follows what is shown
     let asked = false;
-    live.faults.expectPast();
     const ask = async () => {
       if (live.client.link.phase !== 'open') asked = false;
       if (asked || opened !== null || !isHeard(live)) return;

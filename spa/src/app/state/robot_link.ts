@@ -3,6 +3,7 @@ import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
 import type { PastState } from '../../past/past_types.ts';
 import { laneUrl, leaveLane, manifestUrl, streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
+import { relayChoice } from '../../relay/relay.ts';
 import { isAbsent, type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isOld, type Word } from '../../twin/liveness.ts';
@@ -60,8 +61,8 @@ export interface RobotLink {
 }
 
 /** Connects to a robot by its id while the component is shown, and disconnects when it is removed or the id changes. null
- *  before the first effect has run. */
-export function useRobotLink(robot: string): RobotLink | null {
+ *  before the first effect has run. `looksBack`: `usePast` will tell of earlier faults; until then, "No faults" may be false. */
+export function useRobotLink(robot: string, looksBack: boolean): RobotLink | null {
   const [link, setLink] = useState<RobotLink | null>(null);
   useEffect(() => {
     const twin = new RobotTwin(robot, nowMs());
@@ -73,6 +74,7 @@ export function useRobotLink(robot: string): RobotLink | null {
       (sinceMs) => client.doubt(sinceMs),
     );
     const faults = new FaultKeeper(twin, () => nowMs() - (client.link.behindMs ?? 0));
+    if (looksBack && relayChoice().mirror === null) faults.expectPast();
     const minute = new HistoryKeeper(twin);
     const urlOf = (modelHash: string) => manifestUrl(robot, modelHash);
     const live = { coming: null, nowMs, resting: () => false };
@@ -87,7 +89,7 @@ export function useRobotLink(robot: string): RobotLink | null {
       clearTraces();
       setLink(null);
     };
-  }, [robot]);
+  }, [robot, looksBack]);
   return link;
 }
 

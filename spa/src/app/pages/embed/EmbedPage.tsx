@@ -30,7 +30,7 @@ export function EmbedPage() {
 }
 
 function Robot({ robot }: { robot: string }) {
-  const link = useRobotLink(robot);
+  const link = useRobotLink(robot, false);
   return link === null ? <Poster /> : <Shown live={link} />;
 }
 
