@@ -1,3 +1,4 @@
+import type { JointValues } from '../twin/playback/pose.ts';
 import type { Quat } from '../twin/rotation.ts';
 import { type LinkBox, lowestOf } from './bounds.ts';
 import { Kinematics, placeLinks, transform } from './kinematics.ts';
@@ -68,8 +69,8 @@ export class ArticulatedBody {
     }
   }
 
-  /** Sets joints (rad or m by URDF name) and computes the link poses. False if nothing changed. */
-  setJoints(joints: ReadonlyMap<string, number>): boolean {
+  /** Sets joints and computes the link poses. False if nothing changed. */
+  setJoints(joints: JointValues): boolean {
     if (!this.kinematics.set(joints)) return false;
     this.kinematics.compute();
     return true;

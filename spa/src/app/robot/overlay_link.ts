@@ -67,7 +67,7 @@ export function bindOverlay(scene: OverlaidBody, { twin, watch }: RobotLink): Ov
     const readings = { ...read, balance: read.balance && { ...read.balance, lead } };
     const ghost = reader.ghost(readings, choice);
     scene.lockHeading(choice.headingLocked);
-    if (ghost !== null) scene.showGhost(ghost, [...ghost.keys()]);
+    if (ghost !== null) scene.showGhost(ghost.joints, ghost.limbs);
     else if (ghostShown) scene.showGhost(null);
     ghostShown = ghost !== null;
     const { arrowScale, palette, angle, shown, names } = choice;

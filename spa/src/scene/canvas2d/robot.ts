@@ -98,8 +98,8 @@ export class LightRobot extends ArticulatedBody implements StagedFigure {
     spread();
     this.#ghost = ghost;
     return {
-      setJoints: (joints) => {
-        if (!kinematics.set(joints)) return false;
+      setJoints: (joints, instead) => {
+        if (!kinematics.set(joints, instead)) return false;
         kinematics.compute();
         spread();
         return true;

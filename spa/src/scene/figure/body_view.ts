@@ -2,7 +2,7 @@ import type { LinkLook } from '../../model/posed_body.ts';
 import type { ModelReport } from '../../model/report.ts';
 import type { KinematicTree } from '../../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../../twin/overlay/reader.ts';
-import type { Pose } from '../../twin/playback/pose.ts';
+import type { JointValues, Pose } from '../../twin/playback/pose.ts';
 import type { EyePlace, FollowMode } from '../camera/camera_rig.ts';
 import type { ViewName } from '../camera/framing.ts';
 import type { Insets } from '../camera/insets.ts';
@@ -30,9 +30,9 @@ export type SeenOverlay = ShownOverlay & {
 export interface OverlaidBody {
   /** Shows forces, deviations, level and load of the newest frame; null removes them. */
   showSigns(readings: OverlayReadings | null, manner?: OverlayStyle): void;
-  /** Shows a transparent second copy of the robot in another pose (rad or m by URDF name); null removes it. With `limbs`, shows
-   *  only the links beyond those joints; all other joints are as in the body. */
-  showGhost(joints: ReadonlyMap<string, number> | null, limbs?: readonly string[] | null): void;
+  /** Shows a transparent second copy of the robot in another pose; null removes it. With `limbs`, shows only the links beyond
+   *  those joints, and joints without a value are as in the body. The same links should be the same array. */
+  showGhost(joints: JointValues | null, limbs?: readonly string[] | null): void;
   /** Sets whether the robot always faces along the world's x axis, whatever its sensors report. */
   lockHeading(locked: boolean): void;
 }

@@ -4,7 +4,7 @@ import type { ModelReport } from '../../model/report.ts';
 import { originOf } from '../../model/vectors.ts';
 import type { KinematicTree } from '../../twin/kinematic_tree.ts';
 import type { OverlayReadings } from '../../twin/overlay/reader.ts';
-import type { Pose } from '../../twin/playback/pose.ts';
+import type { JointValues, Pose } from '../../twin/playback/pose.ts';
 import type { CameraRig, EyePlace, FollowMode } from '../camera/camera_rig.ts';
 import type { ViewName } from '../camera/framing.ts';
 import type { Insets } from '../camera/insets.ts';
@@ -142,7 +142,7 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
     this.robot.setLinkLook(link, look);
   }
 
-  showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
+  showGhost(joints: JointValues | null, limbs: readonly string[] | null = null): void {
     this.robot.showGhost(joints, limbs);
   }
 

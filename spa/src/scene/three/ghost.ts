@@ -2,6 +2,7 @@ import { BufferGeometry, Mesh, type MeshLambertMaterial } from 'three';
 import { type Joint, Kinematics } from '../../model/kinematics.ts';
 import type { Lod } from '../../model/lod.ts';
 import type { LinkLook } from '../../model/posed_body.ts';
+import type { JointValues } from '../../twin/playback/pose.ts';
 import type { FigureGhost } from './figure.ts';
 import { GLASS_ORDER, glass } from './glass.ts';
 import { Bones, type SkinTones } from './skin.ts';
@@ -41,9 +42,8 @@ export class Ghost implements FigureGhost {
     this.mesh.renderOrder = GLASS_ORDER;
   }
 
-  /** Sets its joints, rad or m by URDF name. False if nothing changed. */
-  setJoints(joints: ReadonlyMap<string, number>): boolean {
-    if (!this.#kinematics.set(joints)) return false;
+  setJoints(joints: JointValues, instead: JointValues | null = null): boolean {
+    if (!this.#kinematics.set(joints, instead)) return false;
     this.#kinematics.compute();
     this.#bend();
     return true;

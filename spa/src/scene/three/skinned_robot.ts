@@ -4,6 +4,7 @@ import { emptyBox, growBox, type LinkBox } from '../../model/bounds.ts';
 import type { Lod } from '../../model/lod.ts';
 import type { Manifest } from '../../model/manifest.ts';
 import type { LinkLook, LinkTint } from '../../model/posed_body.ts';
+import type { JointValues } from '../../twin/playback/pose.ts';
 import { UNREAD } from '../signs/colors.ts';
 import type { Figure } from './figure.ts';
 import { Ghost } from './ghost.ts';
@@ -45,7 +46,7 @@ export class SkinnedRobot extends ArticulatedBody implements Figure {
     return this.#links[this.linkOf.get(name) ?? -1]?.matrixWorld;
   }
 
-  override setJoints(joints: ReadonlyMap<string, number>): boolean {
+  override setJoints(joints: JointValues): boolean {
     const changed = super.setJoints(joints);
     if (changed) this.#bend();
     return changed;

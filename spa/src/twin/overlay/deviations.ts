@@ -2,6 +2,7 @@ import { JOINT, JointMapping, type Schema } from '@posecast/wire';
 import { JointChannels } from '../joint_channels.ts';
 import { CLOSE_AGAIN } from '../joints.ts';
 import { placeOf } from '../names.ts';
+import type { JointValues } from '../playback/pose.ts';
 import { valueAt } from '../values.ts';
 
 /** The bit of `flags` for a joint that is compliant on purpose. */
@@ -17,6 +18,14 @@ export interface Deviation {
   compliant: boolean;
   /** The URDF joints it moves, with the actual and commanded position of each (rad or m, couplings applied). */
   readonly joints: readonly { readonly joint: string; pos: number; ref: number }[];
+}
+
+/** The deviating joints where the body does not show them, for a ghost. */
+export interface DeviationGhost {
+  /** Joints that do not deviate have no value. Overwritten by the next call. */
+  readonly joints: JointValues;
+  /** The joints that deviate: the same array as long as they are the same joints. */
+  readonly limbs: readonly string[];
 }
 
 interface Watched {
@@ -35,11 +44,14 @@ export class DeviationTable {
   readonly #ref: JointMapping;
   readonly #watched: readonly Watched[];
   readonly #complianceMask: number;
+  readonly #ghost: Float64Array;
+  #limbs: readonly string[] = [];
 
   constructor(schema: Schema) {
     this.#schema = schema;
     this.#pos = new JointMapping(schema, 'pos');
     this.#ref = new JointMapping(schema, 'ref');
+    this.#ghost = new Float64Array(this.#pos.joints.length);
     const bit = schema.field('flags')?.bits.indexOf(COMPLIANT_BIT) ?? -1;
     this.#complianceMask = bit < 0 ? 0 : 1 << bit;
     const [pos, ref] = [schema.field('pos'), schema.field('ref')];
@@ -103,5 +115,20 @@ export class DeviationTable {
       apart.push(deviation);
     }
     return apart;
+  }
+
+  /** These deviations as a ghost: at the command, or at the actual position if the body shows the command. Joints that are compliant
+   *  on purpose are left out; null if that leaves none. */
+  ghost(apart: readonly Deviation[], shown: 'pos' | 'ref'): DeviationGhost | null {
+    const joints = apart.filter(({ compliant }) => !compliant).flatMap((deviation) => deviation.joints);
+    if (joints.length === 0) return null;
+    const names = this.#pos.joints;
+    this.#ghost.fill(Number.NaN);
+    for (const { joint, pos, ref } of joints)
+      this.#ghost[placeOf(names, joint)] = shown === 'ref' ? pos : ref;
+    const same =
+      this.#limbs.length === joints.length && joints.every(({ joint }, i) => joint === this.#limbs[i]);
+    if (!same) this.#limbs = joints.map(({ joint }) => joint);
+    return { joints: { names, values: this.#ghost }, limbs: this.#limbs };
   }
 }

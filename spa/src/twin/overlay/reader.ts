@@ -5,7 +5,7 @@ import type { LeadState } from '../robot.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
 import { type Load, type LoadField, type LoadScale, LoadTable } from '../sensors/load.ts';
 import { type Wrench, WrenchTable } from '../sensors/wrenches.ts';
-import { type Deviation, DeviationTable } from './deviations.ts';
+import { type Deviation, type DeviationGhost, DeviationTable } from './deviations.ts';
 
 /** The overlay signs that a viewer has switched on. */
 export interface OverlayChoice {
@@ -92,14 +92,10 @@ export class OverlayReader {
   }
 
   /**
-   * The ghost for the deviations: URDF joint → position (rad or m) for the joints that deviate from their command; null for none,
-   * and if the whole ghost is shown anyway. Joints that are compliant on purpose are left out.
+   * The ghost for the deviations; null for none, and if the whole ghost is shown anyway.
    */
-  ghost({ deviations }: OverlayReadings, { shown, lens }: OverlayChoice): ReadonlyMap<string, number> | null {
-    if (!lens || shown === 'both') return null;
-    const joints = deviations.filter(({ compliant }) => !compliant).flatMap((deviation) => deviation.joints);
-    if (joints.length === 0) return null;
-    return new Map(joints.map(({ joint, pos, ref }) => [joint, shown === 'ref' ? pos : ref]));
+  ghost({ deviations }: OverlayReadings, { shown, lens }: OverlayChoice): DeviationGhost | null {
+    return !lens || shown === 'both' ? null : this.#deviations.ghost(deviations, shown);
   }
 
   /** The scale of the load colours; null while they are off. */

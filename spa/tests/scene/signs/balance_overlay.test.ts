@@ -10,6 +10,7 @@ import { limitsBy, marginLimits } from '../../../src/twin/balance/margin_limits.
 import { StanceJudge } from '../../../src/twin/balance/stance.ts';
 import type { BalanceReadings } from '../../../src/twin/overlay/reader.ts';
 import type { Pose } from '../../../src/twin/playback/pose.ts';
+import { NO_JOINTS } from '../../../src/twin/playback/pose.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
 import { sampleLeg } from '../../rigs/leg_sample.ts';
 
@@ -64,7 +65,7 @@ function pose(fz: number | null, tS = 1, my = 0): Pose {
   const axes = [0, 1, 2];
   const force = { vector: fz === null ? null : ([0, 0, fz] as Vec3), axes };
   const moment = { vector: fz === null ? null : ([0, my, 0] as Vec3), axes };
-  return { joints: new Map(), base: null, tS, wrenches: [{ site: 'F', force, moment }] };
+  return { joints: NO_JOINTS, base: null, tS, wrenches: [{ site: 'F', force, moment }] };
 }
 
 function drawn(
@@ -154,7 +155,7 @@ it('what is not known is not drawn', () => {
 
   const unread = drawn(leg(), pose(null));
   expect(unread).toMatchObject({ polygon: [], pressure: null, feet: [{ bears: null, pressure: null }] });
-  expect(drawn(leg(), { joints: new Map(), base: null }).polygon, 'a pose without wrenches').toEqual([]);
+  expect(drawn(leg(), { joints: NO_JOINTS, base: null }).polygon, 'a pose without wrenches').toEqual([]);
 });
 
 it('marks a foot that begins to tip', () => {

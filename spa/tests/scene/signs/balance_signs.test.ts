@@ -8,6 +8,7 @@ import { drawSupport, marginLine } from '../../../src/scene/signs/balance/suppor
 import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
 import type { Balance, FootBalance } from '../../../src/twin/balance/balance.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
+import { jointsAt } from '../../rigs/joints.ts';
 import { sampleLeg } from '../../rigs/leg_sample.ts';
 
 const TONES = OVERLAY_COLORS.dark;
@@ -276,7 +277,7 @@ describe('the limits of a joint', () => {
   function leg(limits: { lower: number; upper: number } | null) {
     const made = sampleLeg();
     (made.manifest.joints[1] as { limits: unknown }).limits = limits;
-    made.setJoints(new Map([['knee', 0.5]]));
+    made.setJoints(jointsAt({ knee: 0.5 }));
     made.ground();
     return made;
   }

@@ -5,6 +5,7 @@ import { moreEn } from '../../../src/app/text/more_en.ts';
 import { limitChannels } from '../../../src/twin/alarms/limit_channels.ts';
 import { ValueLimits } from '../../../src/twin/limits/limits.ts';
 import { type OverlayChoice, OverlayReader } from '../../../src/twin/overlay/reader.ts';
+import { positionOf } from '../../rigs/joints.ts';
 import { codesWith, SCHEMA } from '../../rigs/schema.ts';
 
 const ALL: OverlayChoice = { shown: 'pos', lens: true, forces: true, level: true, load: 'temp' };
@@ -39,8 +40,14 @@ describe('the signs of a robot', () => {
 
   it('have a ghost of the joints that are off, where the body does not show them', () => {
     const off = { 'ref.RKN': 500, 'pos.RKN': 100 };
-    expect([...(read({}, off).ghost ?? [])]).toEqual([['RKN', expect.closeTo(0.5)]]);
-    expect([...(read({ shown: 'ref' }, off).ghost ?? [])]).toEqual([['RKN', expect.closeTo(0.1)]]);
+    const at = (shown: 'pos' | 'ref') => {
+      const { joints, limbs } = read({ shown }, off).ghost!;
+      expect(limbs).toEqual(['RKN']);
+      expect(positionOf(joints, 'LKN'), 'as in the body').toBeNaN();
+      return positionOf(joints, 'RKN');
+    };
+    expect(at('pos')).toBeCloseTo(0.5);
+    expect(at('ref')).toBeCloseTo(0.1);
     expect(read({ shown: 'both' }, off).ghost, 'the whole one is shown anyway').toBeNull();
     expect(read({}, { ...off, 'flags.RKN': 0b10011 }).ghost, 'it yields on purpose').toBeNull();
   });

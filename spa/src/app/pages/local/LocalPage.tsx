@@ -4,6 +4,7 @@ import type { RobotScene } from '../../../scene/three/index.ts';
 import { displayOf, formatNumber } from '../../../twin/format.ts';
 import { isolated } from '../../../twin/names.ts';
 import { FILE_READINGS } from '../../../twin/overlay/file_readings.ts';
+import { NO_JOINTS } from '../../../twin/playback/pose.ts';
 import { distrustsMasses, type Finding } from '../../../urdf/finding.ts';
 import type { LocalRobot } from '../../../urdf/local_robot.ts';
 import { BALANCE } from '../../balance/BalanceParts.tsx';
@@ -85,7 +86,7 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
         made = new Scene(host.current, { theme: themeNow.current });
         showScene(made);
         setScene(made);
-        made.setPose({ joints: new Map(), base: null }, true);
+        made.setPose({ joints: NO_JOINTS, base: null }, true);
         const report = await made.loadLocal(robot);
         const note = report.error === undefined ? null : say().bodyFailed(isolated(report.error));
         if (!left) setLoaded({ robot, report: { note, meshes: report.meshes } });
@@ -154,7 +155,8 @@ function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null
   const [values, setValues] = useState<ReadonlyMap<string, number>>(new Map());
   useEffect(() => {
     // Always writes every joint; a joint whose slider has not moved is at 0.
-    const joints = new Map(robot.joints.map(({ name }) => [name, values.get(name) ?? 0]));
+    const names = robot.joints.map(({ name }) => name);
+    const joints = { names, values: names.map((name) => values.get(name) ?? 0) };
     scene?.setPose({ joints, base: null }, true);
   }, [scene, robot, values]);
   const words = (value: number, unit: string) => {
