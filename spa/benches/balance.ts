@@ -1,7 +1,7 @@
 import { parseSchema } from '@posecast/wire';
 import { BalanceReader, FrameBody } from '../src/model/balance/balance_reader.ts';
 import { readManifest } from '../src/model/manifest.ts';
-import { Footprints } from '../src/scene/signs/balance/footprints.ts';
+import { Footprints } from '../src/scene/signs/footprints.ts';
 
 const JOINTS = 60;
 const FRAMES = 2000;

@@ -104,7 +104,7 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
       'src/scene/three/index.ts',
       'src/app/pages/recording/RecordingPage.tsx',
     );
-    const own = ['src/past/save/save.ts', 'src/scene/signs/balance/balance_overlay.ts'].map(
+    const own = ['src/past/save/save.ts', 'src/scene/signs/balance_drawing.ts'].map(
       (name) => chunks()[name]?.file,
     );
     for (const file of own) expect(files).not.toContain(file ?? 'no such chunk');

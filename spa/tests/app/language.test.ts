@@ -4,15 +4,20 @@ import { ko, moreKo, pastKo } from '../../src/app/text/ko.ts';
 import { say, wantedLanguage } from '../../src/app/text/language.ts';
 import { moreEn } from '../../src/app/text/more_en.ts';
 import { pastEn } from '../../src/app/text/past/past_en.ts';
+import { SIGNS } from '../../src/scene/signs/signs.ts';
 
 afterEach(() => {
   expect(say(), 'a test changes no language').toBe(en);
 });
 
+const signNames = (tag: 'en' | 'ko') =>
+  Object.fromEntries(SIGNS.flatMap(({ key, menu }) => (menu === undefined ? [] : [[key, menu.name[tag]]])));
+
 it.each([
   ['of the first second', en, ko],
   ['of the rest', moreEn, moreKo],
   ['of the past', pastEn, pastKo],
+  ['of signs', signNames('en'), signNames('ko')],
 ])('has the same sentences in English and Korean, with the same gaps to fill: %s', (_, english, korean) => {
   expect(Object.keys(korean).sort()).toEqual(Object.keys(english).sort());
   for (const [key, said] of Object.entries<unknown>(english)) {

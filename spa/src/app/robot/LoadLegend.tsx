@@ -1,18 +1,17 @@
 import '../shell/styles/signs.css';
+import { Load, type LoadScale } from '../../scene/signs/load.ts';
+import type { RobotSigns } from '../../scene/signs/signs.ts';
 import { displayOf, formatNumber } from '../../twin/format.ts';
-import type { LoadScale } from '../../twin/sensors/load.ts';
 import { useNow } from '../shell/now.ts';
 import { useSettings } from '../state/settings.ts';
 import { useMore } from '../text/more.ts';
-import type { OverlayLink } from './overlay_link.ts';
-import '../shell/styles/signs.css';
 
 /** The legend of the load colours of one or several robots; empty while they are off. */
-export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {
+export function LoadLegend({ signs }: { signs: readonly RobotSigns[] }) {
   useNow(1000); // without limits, the scale adapts to the readings
   const { load } = useSettings();
   const text = useMore();
-  const scale = load === 'off' ? null : scaleOf(signs.map((of) => of.loadScale()));
+  const scale = load === 'off' ? null : scaleOf(signs.map((of) => of.of(Load)?.scale ?? null));
   if (scale === null) return null;
   const { field, unit, rest, full, limited, cautionPart } = scale;
   const display = displayOf(unit, 'rad');

@@ -1,8 +1,7 @@
 import { type Camera, Group, Vector3 } from 'three';
-import type { OverlayReadings } from '../../twin/overlay/reader.ts';
 import type { LabelRoom } from '../signs/label_layout.ts';
 import { Overlay } from '../signs/overlay.ts';
-import type { OverlayStyle, ShownOverlay } from '../signs/robot_overlay.ts';
+import type { RobotSigns } from '../signs/signs.ts';
 import { FacetMesh, OverlayMesh } from './overlay_mesh.ts';
 import type { RobotNode } from './robot_node.ts';
 import type { ScenePart } from './scene_part.ts';
@@ -30,7 +29,7 @@ export class OverlayPart implements ScenePart {
 
   constructor(view: OverlayHost) {
     this.#view = view;
-    this.#overlay = new Overlay(view.host, THEMES.dark.signs);
+    this.#overlay = new Overlay(view.host, THEMES.dark.signs, true);
     this.#batch = new OverlayMesh(this.#overlay.strokes);
     this.object.add(this.#batch.object);
   }
@@ -41,14 +40,14 @@ export class OverlayPart implements ScenePart {
     return (this.#overlay.facets?.count ?? 0) > 0;
   }
 
-  shown(of: RobotNode): ShownOverlay {
+  drawn(of: RobotNode): Readonly<Record<string, unknown>> {
     if (this.#make()) this.#view.changed();
-    return this.#overlay.shown(of);
+    return this.#overlay.drawn(of);
   }
 
-  /** Takes the newest readings and their style; they are drawn in the next tick. */
-  show(of: RobotNode, readings: OverlayReadings | null, manner?: OverlayStyle): void {
-    this.#overlay.show(of, readings, manner);
+  /** Takes a robot's signs whenever they have read a frame; they are drawn in the next tick. */
+  show(of: RobotNode, signs: RobotSigns): void {
+    this.#overlay.show(of, signs);
     this.#view.wake();
   }
 
@@ -62,7 +61,7 @@ export class OverlayPart implements ScenePart {
   }
 
   setTheme({ signs }: SceneTheme): void {
-    this.#overlay.setTones(signs);
+    this.#overlay.setColors(signs);
   }
 
   advance(seconds: number): boolean {
@@ -93,7 +92,7 @@ export class OverlayPart implements ScenePart {
     if (!other) return false;
     this.#batch.update();
     const { facets } = this.#overlay;
-    if (facets !== null && this.#filled === null) {
+    if (facets !== null && facets.count > 0 && this.#filled === null) {
       this.#filled = new FacetMesh(facets);
       this.object.add(this.#filled.object);
     }

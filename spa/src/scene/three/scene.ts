@@ -2,15 +2,14 @@ import { Color, Scene } from 'three';
 import { Debounce } from '../../browser/debounce.ts';
 import { markOnce } from '../../browser/first_paint.ts';
 import type { ModelReport } from '../../model/report.ts';
-import type { OverlayReadings } from '../../twin/overlay/reader.ts';
 import type { LocalRobot } from '../../urdf/local_robot.ts';
 import type { CameraRig } from '../camera/camera_rig.ts';
 import { AdaptiveQuality, type DrawingTrouble } from '../figure/adaptive_quality.ts';
-import type { SeenOverlay } from '../figure/body_view.ts';
+import type { DrawnSigns } from '../figure/body_view.ts';
 import type { NodeHost } from '../figure/figure_node.ts';
 import type { QualityStep } from '../figure/quality_steps.ts';
 import { RowStage } from '../figure/row_stage.ts';
-import type { OverlayStyle } from '../signs/robot_overlay.ts';
+import type { RobotSigns } from '../signs/signs.ts';
 import { SceneCamera } from './camera.ts';
 import { SceneCanvas } from './canvas.ts';
 import { Environment, SHADOW_PIXELS } from './environment.ts';
@@ -189,12 +188,13 @@ export class RobotScene extends RowStage<RobotNode> {
     return this.robot.pick(this.#camera.ray(this.#surface.place(clientX, clientY)));
   }
 
-  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.robot): void {
-    this.#overlay.show(of, readings, manner);
+  override showSigns(signs: RobotSigns, of: RobotNode = this.robot): void {
+    super.showSigns(signs, of);
+    this.#overlay.show(of, signs);
   }
 
-  signsOf(robot: RobotNode): SeenOverlay {
-    return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
+  signsOf(robot: RobotNode): DrawnSigns {
+    return { ...this.#overlay.drawn(robot), ghostLinks: robot.ghostLinks };
   }
 
   /** Turns adaptive quality off and draws at full quality, for saved pictures. */
