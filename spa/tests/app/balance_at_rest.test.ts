@@ -48,7 +48,7 @@ function signsOf({ manifest, schema }: BalanceCase) {
     const player = new Player(schema);
     player.raw = true;
     player.push(state);
-    body.place(state.codes);
+    body.follow(state.codes);
     const lead = states === null ? null : { states, tS };
     const readings = { schema, choice: 'on', limits: null, joints: [], anchored: false, lead } as const;
     signs.draw(signPicture(undefined, { body: posed, pose: player.pose('pos'), reach: 1 }), facets, readings);

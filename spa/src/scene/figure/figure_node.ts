@@ -7,7 +7,6 @@ import { RootPose } from '../../model/root_pose.ts';
 import type { KinematicTree } from '../../twin/kinematic_tree.ts';
 import { type JointValues, NO_JOINTS, type Pose } from '../../twin/playback/pose.ts';
 import type { Quat, Vec3 } from '../../twin/rotation.ts';
-import type { PlacedBox } from '../camera/body_span.ts';
 import type { PoseSource, RowMember } from './body_view.ts';
 import type { Moving } from './render_loop.ts';
 import type { Box, RowNode } from './robot_row.ts';
@@ -27,8 +26,6 @@ export interface FigureGhost {
 export interface StagedFigure extends PosedBody {
   /** The names of its continuous joints, whose angles wrap. */
   readonly continuousNames: readonly string[];
-  /** The bounding box of each drawn link, with the link's pose. */
-  readonly boxes: Iterable<PlacedBox>;
   /** Sets the joints. False if nothing changed. */
   setJoints(joints: JointValues): boolean;
   /** Places the root link in the world (metres, unit quaternion) and computes the poses of all links. */

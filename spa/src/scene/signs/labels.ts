@@ -74,7 +74,8 @@ export class OverlayLabels {
       }
       if (dataset.quiet !== String(quiet)) dataset.quiet = String(quiet);
       if (dataset.old !== String(old)) dataset.old = String(old);
-      element.root.dataset.explains = explain.join(' ');
+      const explains = explain.join(' ');
+      if (dataset.explains !== explains) dataset.explains = explains;
       element.label = label;
     }
   }

@@ -23,6 +23,8 @@ export class RobotSigns {
   /** null while there is nothing to show. */
   frame: SignFrame | null = null;
   #schema: Schema | null = null;
+  /** Those that are on, in the order of `SIGNS`. */
+  #on: readonly Sign[] = [];
   #signs: { readonly kind: SignKind; readonly can: boolean; sign: Sign; on: boolean }[] = [];
 
   /** What each sign has drawn, by key, for tests and the debug interface. */
@@ -32,18 +34,19 @@ export class RobotSigns {
 
   /** The ghost that a sign wants; null for none. */
   get ghost(): SignGhost | null {
-    return this.#on.map(({ ghost }) => ghost).find((ghost) => ghost != null) ?? null;
+    return this.#on.find(({ ghost }) => ghost != null)?.ghost ?? null;
   }
 
   /** The sign of a kind; null while it is off. */
   of<S extends Sign>(kind: SignKind<S>): S | null {
     const found = this.#signs.find((one) => one.kind === kind);
-    return this.frame !== null && found?.on ? (found.sign as S) : null;
+    return found !== undefined && this.#on.includes(found.sign) ? (found.sign as S) : null;
   }
 
   /** Takes the newest frame; null: there is nothing to show. */
   read(frame: SignFrame | null): void {
     this.frame = frame;
+    this.#on = [];
     if (frame === null) return;
     const { schema, settings } = frame;
     if (schema !== this.#schema) {
@@ -55,8 +58,9 @@ export class RobotSigns {
       const on = can && (kind.shown?.(settings) ?? isSwitchedOn(kind, settings));
       if (one.on && !on) one.sign = new kind(schema); // it forgets what it has drawn
       one.on = on;
-      if (on) one.sign.read(frame);
     }
+    this.#on = this.#signs.flatMap(({ sign, on }) => (on ? [sign] : []));
+    for (const sign of this.#on) sign.read(frame);
   }
 
   /** Advances the easing of arrows. True while it continues. */
@@ -67,15 +71,11 @@ export class RobotSigns {
   }
 
   draw(picture: SignPicture): void {
-    for (const sign of this.#on.reverse()) sign.draw(picture);
+    for (let i = this.#on.length - 1; i >= 0; i -= 1) this.#on[i]!.draw(picture);
   }
 
   /** The labels for the newest `draw`. */
   labels(picture: SignPicture): SignLabel[] {
     return this.#on.flatMap((sign) => sign.labels?.(picture) ?? []);
-  }
-
-  get #on(): Sign[] {
-    return this.frame === null ? [] : this.#signs.flatMap(({ sign, on }) => (on ? [sign] : []));
   }
 }

@@ -1,10 +1,10 @@
 import { type Camera, Group, Vector3 } from 'three';
+import type { Moving } from '../figure/render_loop.ts';
 import type { LabelRoom } from '../signs/label_layout.ts';
 import { Overlay } from '../signs/overlay.ts';
 import type { RobotSigns } from '../signs/signs.ts';
 import { FacetMesh, OverlayMesh } from './overlay_mesh.ts';
 import type { RobotNode } from './robot_node.ts';
-import type { ScenePart } from './scene_part.ts';
 import { type SceneTheme, THEMES } from './theme.ts';
 
 /** What the overlay needs from its scene. */
@@ -20,7 +20,7 @@ export interface OverlayHost {
 }
 
 /** The overlay of all robots in a scene, in two draw calls and two more for filled areas, with its labels over the canvas. */
-export class OverlayPart implements ScenePart {
+export class OverlayPart implements Moving {
   readonly object = new Group();
   readonly #view: OverlayHost;
   readonly #overlay: Overlay;
@@ -51,6 +51,7 @@ export class OverlayPart implements ScenePart {
     this.#view.wake();
   }
 
+  /** Call this when a robot has moved. */
   follow(): void {
     this.#overlay.moved();
   }

@@ -16,7 +16,6 @@ import { Environment, SHADOW_PIXELS } from './environment.ts';
 import { OverlayPart } from './overlay_part.ts';
 import { Placeholders } from './placeholder.ts';
 import { RobotNode } from './robot_node.ts';
-import type { ScenePart } from './scene_part.ts';
 import { SceneRow } from './scene_row.ts';
 import { warmUp } from './shader_warm_up.ts';
 import type { SkinTones } from './skin.ts';
@@ -35,7 +34,7 @@ export interface SceneOptions {
 }
 
 /**
- * The 3D view of one or several robots, in a world with Z up. It combines the content (`RobotNode`, `Environment`, `ScenePart`s),
+ * The 3D view of one or several robots, in a world with Z up. It combines the content (`RobotNode`, `Environment`, `OverlayPart`),
  * the camera (`SceneCamera`), the canvas (`SceneCanvas`) and the timing (`RenderLoop`).
  */
 export class RobotScene extends RowStage<RobotNode> {
@@ -48,7 +47,6 @@ export class RobotScene extends RowStage<RobotNode> {
   readonly #environment = new Environment();
   readonly #placeholders = new Placeholders();
   readonly #overlay: OverlayPart;
-  readonly #parts = new Set<ScenePart>();
   readonly #tones: SkinTones = { accent: { value: new Color() }, caution: { value: new Color() } };
   readonly #quality: AdaptiveQuality;
   readonly #onDrawn: () => void;
@@ -98,7 +96,8 @@ export class RobotScene extends RowStage<RobotNode> {
       changed: () => this.loop.request(),
       wake: () => this.loop.wake(),
     });
-    this.add(this.#overlay);
+    this.#scene.add(this.#overlay.object);
+    this.loop.add(this.#overlay);
     this.loop.onInterval = (ms) => this.#quality.recordRepaint(ms);
     this.setTheme(options.theme);
     if (this.#surface.fit()) this.loop.drawNow();
@@ -130,28 +129,6 @@ export class RobotScene extends RowStage<RobotNode> {
     return top === null ? null : { x: ((top.x + 1) / 2) * width, y: ((1 - top.y) / 2) * height };
   }
 
-  /** Adds a part to the scene. Returns a function that removes and disposes of it. */
-  add(part: ScenePart): () => void {
-    this.#parts.add(part);
-    this.#scene.add(part.object);
-    part.setTheme?.(this.#theme);
-    part.follow?.();
-    const rest = this.loop.add({ advance: (seconds, nowMs) => part.advance?.(seconds, nowMs) ?? false });
-    this.#drawShadows();
-    return () => {
-      rest();
-      this.#parts.delete(part);
-      part.object.removeFromParent();
-      part.dispose();
-      this.#drawShadows();
-    };
-  }
-
-  /** Requests a picture, because a part has changed. */
-  request(): void {
-    this.loop.request();
-  }
-
   /** Like `load`, for a robot whose files are already in this browser. */
   loadLocal(robot: LocalRobot): Promise<ModelReport> {
     return this.robot.loadLocal(robot);
@@ -167,7 +144,7 @@ export class RobotScene extends RowStage<RobotNode> {
     this.#tones.accent.value = theme.accent;
     this.#tones.caution.value = theme.caution;
     this.row.setTheme(theme);
-    for (const part of this.#parts) part.setTheme?.(theme);
+    this.#overlay.setTheme(theme);
     this.loop.request();
   }
 
@@ -208,7 +185,7 @@ export class RobotScene extends RowStage<RobotNode> {
     this.#sharpen.cancel();
     this.#quality.dispose();
     this.#camera.dispose();
-    for (const part of this.#parts) part.dispose();
+    this.#overlay.dispose();
     this.row.dispose();
     this.#placeholders.dispose();
     this.#environment.dispose();
@@ -233,7 +210,7 @@ export class RobotScene extends RowStage<RobotNode> {
       this.#environment.touch(this.row.boxes);
       this.#environment.follow(middle.x, middle.y, this.rig.middle.flies);
     }
-    for (const part of this.#parts) part.follow?.();
+    this.#overlay.follow();
     this.#drawShadows();
   }
 
