@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { blend, type Layout, shorterArc } from '../../src/twin/playback/blend.ts';
+import { blend, type Layout, shorterArc } from '../../src/twin/playback/playout.ts';
 import { seeded } from '../rigs/playout_sim.ts';
 
 const QUAT: Layout = { size: 4, wraps: new Set(), quats: [0] };

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { MOST_DELAY_MS } from '../../src/twin/playback/arrivals.ts';
-import type { Layout } from '../../src/twin/playback/blend.ts';
+import type { Layout } from '../../src/twin/playback/playout.ts';
 import { MOST_MOVES, Playout } from '../../src/twin/playback/playout.ts';
 import {
   type Arrival,
