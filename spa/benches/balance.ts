@@ -1,7 +1,7 @@
 import { parseSchema } from '@posecast/wire';
 import { BalanceReader, FrameBody } from '../src/model/balance/balance_reader.ts';
 import { readManifest } from '../src/model/manifest.ts';
-import { Footprints } from '../src/scene/signs/balance/footprints.ts';
+import { Footprints } from '../src/scene/signs/footprints.ts';
 
 const JOINTS = 60;
 const FRAMES = 2000;
@@ -101,7 +101,7 @@ export function measureBalance(): string[] {
   const left = new Footprints();
   return [
     `a frame of ${JOINTS} joints, ${FRAMES} of them, median of ${ROUNDS} rounds (least–most), Node ${process.version}`,
-    `kinematics alone:                  ${timed((i) => body.place(codesOf(i)))}`,
+    `kinematics alone:                  ${timed((i) => body.follow(codesOf(i)))}`,
     `balance of a frame, with them:     ${timed((i) => byFrame.ofFrame(codesOf(i), next()))}`,
     `balance of a body that is shown:   ${timed((i) => byBody.ofBody(linked, byBody.wrenches(codesOf(i)), next()))}`,
     `the same, with trace and footprints: ${timed((i) => {

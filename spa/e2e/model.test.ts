@@ -130,7 +130,7 @@ describe('a built model', () => {
         await until('a picture', async () => (await renderedFrames(page)) > before);
         expect(await drawCalls(page)).toBe(counts.sixty);
       }
-      await page.evaluate(`window.posecast.scene.showGhost(new Map([['joint1', 1.2]]))`);
+      await page.evaluate(`window.posecast.scene.showGhost({ names: ['joint1'], values: [1.2] })`);
       expect(await drawCalls(page), 'a ghost is one more').toBe((counts[name] ?? 0) + 1);
       if (name === 'sixty') await page.screenshot('built-model-ghost.png');
       await page.evaluate('window.posecast.scene.showGhost(null)');

@@ -1,15 +1,21 @@
-import type { Base, Pose } from '../twin/playback/pose.ts';
+import type { Base, JointValues, Pose } from '../twin/playback/pose.ts';
 import { IDENTITY, type Quat, type Vec3, withoutHeading } from '../twin/rotation.ts';
 import { type Imu, rootAttitude } from '../twin/sensors/imus.ts';
-import { type LinkBox, lowestOf } from './bounds.ts';
+import { boundsOf, type LinkBox, lowestOf } from './bounds.ts';
 import { Kinematics, placeLinks, transform } from './kinematics.ts';
 import { boxesOfLinks, type Manifest } from './manifest.ts';
-import type { BodyJoint } from './posed_body.ts';
+import type { BodyJoint, PlacedBox } from './posed_body.ts';
 import { quatOfTransform } from './vectors.ts';
 
 const MOVES: ReadonlySet<string> = new Set(['revolute', 'continuous', 'prismatic']);
 
-/** The manifest's links and joints, and forward kinematics for the links. The robots of both renderers extend it. */
+/** A transform: 16 numbers, column-major, a view into a larger array. */
+export interface PlacedLink {
+  readonly matrixWorld: { readonly elements: Float64Array };
+}
+
+/** The manifest's links and joints, forward kinematics for the links, and their places in the world. The robots of both renderers
+ *  extend it. */
 export class ArticulatedBody {
   readonly manifest: Manifest;
   readonly linkNames: readonly string[];
@@ -18,9 +24,15 @@ export class ArticulatedBody {
   readonly continuousNames: readonly string[];
   /** Bounding box (in the link's frame, metres) of each link's visuals, by the link's index in the manifest. */
   readonly boxOfLink: Map<number, LinkBox>;
+  /** The same with the link's pose in the world. */
+  readonly boxes: PlacedBox[];
+  /** world_from_link of the newest `place` or `ground`: 16 numbers a link, column-major, metres. Link 0 is the root. */
+  readonly worldFromLink: Float64Array;
   protected readonly kinematics: Kinematics;
   /** The index in the manifest of each link. */
   protected readonly linkOf: ReadonlyMap<string, number>;
+  /** By the link's index in the manifest; views into `worldFromLink`. */
+  protected readonly placed: readonly PlacedLink[];
   readonly #jointOf: ReadonlyMap<string, number>;
   readonly #turned: Float64Array;
 
@@ -32,7 +44,12 @@ export class ArticulatedBody {
     this.jointNames = this.kinematics.jointNames;
     this.continuousNames = joints.filter(({ type }) => type === 'continuous').map(({ name }) => name);
     this.#turned = new Float64Array(links.length * 16);
+    this.worldFromLink = new Float64Array(links.length * 16);
+    this.placed = links.map((_, i) => ({
+      matrixWorld: { elements: this.worldFromLink.subarray(i * 16, i * 16 + 16) },
+    }));
     this.boxOfLink = boxesOfLinks(manifest);
+    this.boxes = [...this.boxOfLink].map(([link, box]) => [this.placed[link]!, box]);
     this.linkOf = new Map(links.map((name, i) => [name, i]));
     this.#jointOf = new Map(joints.flatMap(({ name, type }, i) => (MOVES.has(type) ? [[name, i]] : [])));
   }
@@ -70,15 +87,34 @@ export class ArticulatedBody {
     }
   }
 
-  /** Sets joints (rad or m by URDF name) and computes the link poses. False if nothing changed. */
-  setJoints(joints: ReadonlyMap<string, number>): boolean {
+  /** Sets joints and computes the link poses. False if nothing changed. */
+  setJoints(joints: JointValues): boolean {
     if (!this.kinematics.set(joints)) return false;
     this.kinematics.compute();
     return true;
   }
 
+  linkMatrix(name: string): PlacedLink['matrixWorld'] | undefined {
+    return this.placed[this.linkOf.get(name) ?? -1]?.matrixWorld;
+  }
+
+  /** Places the root link in the world (metres, unit quaternion), and all links with it. */
+  place(xyz: Vec3, quat_wxyz: Quat): void {
+    placeLinks(transform(xyz, quat_wxyz), this.kinematics.rootFromLink, this.worldFromLink);
+  }
+
+  /** Puts the root over the world's origin with this rotation (default upright), the lowest point on the floor. */
+  ground(quat_wxyz: Quat = IDENTITY): void {
+    this.place([0, 0, -this.#lowestPoint(quat_wxyz)], quat_wxyz);
+  }
+
+  /** The bounding box (world, metres) of all link boxes and link origins. */
+  bounds(): LinkBox {
+    return boundsOf(this.worldFromLink, this.boxOfLink);
+  }
+
   /** The lowest z (metres, from the root's origin) of the robot with this root orientation. */
-  protected lowestPoint(quat_wxyz: Quat): number {
+  #lowestPoint(quat_wxyz: Quat): number {
     placeLinks(transform([0, 0, 0], quat_wxyz), this.kinematics.rootFromLink, this.#turned);
     return lowestOf(this.#turned, this.boxOfLink);
   }

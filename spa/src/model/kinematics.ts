@@ -4,8 +4,11 @@
  *
  * `root_from_child = root_from_parent · T(xyz) · R(quat) · M`, joint by joint in the manifest's order, which puts a parent before
  * its children. M is the joint's motion. Joint limits never clamp a value, because a monitor shows what is measured. Nothing is
- * allocated after construction.
+ * allocated after construction and the first pose of a source.
  */
+
+import { placeOf } from '../twin/names.ts';
+import type { JointValues } from '../twin/playback/pose.ts';
 
 export type JointType = 'revolute' | 'continuous' | 'prismatic' | 'fixed' | 'floating' | 'planar';
 
@@ -93,6 +96,7 @@ export class Kinematics {
   readonly #rest: Float64Array;
   /** Names of all readings; those of one joint are adjacent. */
   readonly #names: string[] = [];
+  readonly #slots = new WeakMap<readonly string[], Int32Array>();
   /** For each joint, the index of its first reading. */
   readonly #first: Int32Array;
   /** Newest readings: rad, m, or parts of a quaternion; NaN before the first. */
@@ -139,16 +143,30 @@ export class Kinematics {
     return [...this.#names];
   }
 
-  /** Takes readings by name, rad or m. A joint without a finite reading keeps its last one. Returns false if nothing changed. */
-  set(readings: ReadonlyMap<string, number>): boolean {
+  /** Takes readings; those in `instead` win. A joint without a finite reading keeps its last one. Returns false if nothing
+   *  changed. */
+  set(readings: JointValues, instead: JointValues | null = null): boolean {
+    const slots = this.#slotsOf(readings);
+    const others = instead === null ? null : this.#slotsOf(instead);
     let changed = false;
     for (let i = 0; i < this.#names.length; i += 1) {
-      const reading = readings.get(this.#names[i]!);
+      const other = others === null ? Number.NaN : (instead!.values[others[i]!] ?? Number.NaN);
+      const reading = Number.isNaN(other) ? readings.values[slots[i]!] : other;
       if (reading === undefined || !Number.isFinite(reading) || reading === this.#reading[i]) continue;
       this.#reading[i] = reading;
       changed = true;
     }
     return changed;
+  }
+
+  /** Where each of its readings is among these; -1 for one that is not. Looked up once for each array of names. */
+  #slotsOf({ names }: JointValues): Int32Array {
+    let slots = this.#slots.get(names);
+    if (slots === undefined) {
+      slots = Int32Array.from(this.#names, (name) => placeOf(names, name));
+      this.#slots.set(names, slots);
+    }
+    return slots;
   }
 
   /** The value (rad or m) of a joint that has one. A mimic joint's own reading wins over the one it copies; without any

@@ -25,6 +25,9 @@ interface Placement {
   readonly elements: Transform;
 }
 
+/** A link's bounding box in its own frame, with the link's world transform. */
+export type PlacedBox = readonly [link: { readonly matrixWorld: Placement }, box: LinkBox];
+
 /** A posed robot as seen by the overlays, independent of the renderer. Links and joints are identified by their URDF names. */
 export interface PosedBody {
   readonly manifest: Manifest;
@@ -34,7 +37,7 @@ export interface PosedBody {
   /** Joints that can move. */
   readonly jointNames: readonly string[];
   /** For each link with visuals: its world transform, and its bounding box in its own frame. */
-  readonly boxes: Iterable<readonly [link: { readonly matrixWorld: Placement }, box: LinkBox]>;
+  readonly boxes: Iterable<PlacedBox>;
   linkMatrix(name: string): Placement | undefined;
   /** The rotation of root_from_link given the joint angles, a unit quaternion; null for a link that the model lacks. */
   rootTurn(name: string): Quat | null;

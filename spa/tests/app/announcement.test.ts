@@ -3,15 +3,16 @@ import { describe, expect, it } from 'vitest';
 import { announcement } from '../../src/app/robot/announcement.ts';
 import type { Fault } from '../../src/twin/alarms/fault_log.ts';
 import { ValueLimits } from '../../src/twin/limits.ts';
-import { OverlayReader } from '../../src/twin/overlay/reader.ts';
+
 import { quatOfRpy } from '../../src/twin/rotation.ts';
+import { ImuTable } from '../../src/twin/sensors/imus.ts';
+import { WrenchTable } from '../../src/twin/sensors/wrenches.ts';
 import { codesWith, SCHEMA_TEXT } from '../rigs/schema.ts';
 
 const WITH_IMU = JSON.parse(SCHEMA_TEXT) as { mapping: { sensors: Record<string, unknown> } };
 WITH_IMU.mapping.sensors.torso = { kind: 'imu', name: 'chest', link: 'torso' };
 const SCHEMA = parseSchema(JSON.stringify(WITH_IMU));
 const LIMITS = new ValueLimits(SCHEMA.mapping);
-const CHOICE = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
 const LIVE = { word: 'LIVE', cause: null, overShare: false } as const;
 
 /** A body with this lean, degrees. */
@@ -26,8 +27,11 @@ function lean(roll: number, pitch: number): Record<string, number> {
   };
 }
 
-const read = (changed: Parameters<typeof codesWith>[0]) =>
-  new OverlayReader(SCHEMA).read(codesWith(changed), LIMITS, CHOICE);
+const read = (changed: Parameters<typeof codesWith>[0]) => {
+  const [codes, imus] = [codesWith(changed), new ImuTable(SCHEMA)];
+  imus.read(codes);
+  return { wrenches: new WrenchTable(SCHEMA).read(codes, LIMITS), body: imus.body };
+};
 const fault = (source: string, clearedMs: number | null = null): Fault => ({
   key: source,
   level: 'fault',

@@ -5,27 +5,20 @@ import type { RobotLink } from '../../src/app/state/robot_link.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
 import { BalanceReader, FrameBody } from '../../src/model/balance/balance_reader.ts';
 import type { PosedBody } from '../../src/model/posed_body.ts';
-import { BalanceOverlay } from '../../src/scene/signs/balance/balance_overlay.ts';
-import { Facets } from '../../src/scene/signs/balance/shapes.ts';
-import type { ShownBalance } from '../../src/scene/signs/balance_drawing.ts';
-import { OVERLAY_COLORS } from '../../src/scene/signs/colors.ts';
+import { BalanceDrawing, type ShownBalance } from '../../src/scene/signs/balance_drawing.ts';
+import { Facets } from '../../src/scene/signs/strokes.ts';
 import { withEdit } from '../../src/twin/limits.ts';
+
 import { Player } from '../../src/twin/playback/player.ts';
 import { type RobotState, RobotTwin } from '../../src/twin/robot.ts';
 import { type BalanceCase, readBalanceCases } from '../rigs/balance_vectors.ts';
+import { signPicture } from '../rigs/signs.ts';
 
 const manifests = new Map<string, unknown>();
 vi.mock('../../src/model/files.ts', () => ({ manifestAt: async (url: string) => manifests.get(url) }));
 
 const cases = readBalanceCases();
 const named = (name: string): BalanceCase => cases.find((one) => one.name.startsWith(name))!;
-const STYLE = {
-  reach: 1,
-  tones: OVERLAY_COLORS.dark,
-  palette: 'standard',
-  angle: 'rad',
-  live: true,
-} as const;
 
 /** The states of a case, shifted by this time. */
 function statesOf({ schema, frames }: BalanceCase, laterMs = 0): RobotState[] {
@@ -38,7 +31,7 @@ function statesOf({ schema, frames }: BalanceCase, laterMs = 0): RobotState[] {
 
 /** The signs of a robot, drawn state by state, each as if at rest. */
 function signsOf({ manifest, schema }: BalanceCase) {
-  const signs = new BalanceOverlay(new Facets());
+  const [signs, facets] = [new BalanceDrawing(), new Facets()];
   const body = new FrameBody(manifest, schema);
   const matrices = manifest.links.map((_, i) => ({
     elements: body.worldFromLink.subarray(i * 16, i * 16 + 16),
@@ -56,10 +49,10 @@ function signsOf({ manifest, schema }: BalanceCase) {
     const player = new Player(schema);
     player.raw = true;
     player.push(state);
-    body.place(state.codes);
+    body.follow(state.codes);
     const lead = states === null ? null : { states, tS };
     const readings = { schema, choice: 'on', limits: null, joints: [], anchored: false, lead } as const;
-    signs.draw(posed, player.pose('pos'), readings, STYLE);
+    signs.draw(signPicture(undefined, { body: posed, pose: player.pose('pos'), reach: 1 }), facets, readings);
     return signs.shown === null ? null : JSON.parse(JSON.stringify(signs.shown)); // without its functions
   };
 }

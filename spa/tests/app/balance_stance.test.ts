@@ -1,7 +1,7 @@
 import { parseSchema, type Schema, type Threshold } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
 import { briefWords, stanceWords } from '../../src/app/balance/BalanceView.tsx';
-import { lackWords } from '../../src/app/robot/BalanceEntry.tsx';
+import { lackWords } from '../../src/app/robot/SignMenu.tsx';
 import { balanceEn } from '../../src/app/text/late_en.ts';
 import { balanceKo } from '../../src/app/text/late_ko.ts';
 import { BalanceReader } from '../../src/model/balance/balance_reader.ts';

@@ -70,16 +70,11 @@ it('a flag by the profile, else by what a flag is; what comes from outside is ma
   ]);
 });
 
-it('a label is about what it names', () => {
+it('a label is about what its sign says', () => {
   const label = document.createElement('div');
-  label.dataset.sign = 'apart-RKN';
-  expect(keysOfLabel(label)).toEqual(['signs.ghost']);
-  label.dataset.quiet = 'true';
-  expect(keysOfLabel(label)).toEqual(['signs.yields']);
-  label.dataset.sign = 'wrench-RF';
+  expect(keysOfLabel(label)).toEqual([]);
+  label.dataset.explains = 'signs.force signs.levels';
   expect(keysOfLabel(label)).toEqual(['signs.force', 'signs.levels']);
-  label.textContent = '213 N · 5.3 N·m';
-  expect(keysOfLabel(label)).toEqual(['signs.force', 'signs.moment', 'signs.levels']);
   label.hidden = true;
   label.getBoundingClientRect = () => new DOMRect();
   expect(placeOf(label, new MouseEvent('click', { clientX: 154, clientY: 90 }))).toMatchObject({ left: 154 });

@@ -4,10 +4,14 @@ import * as korean from '../../src/app/text/ko.ts';
 import { say, wantedLanguage } from '../../src/app/text/language.ts';
 import * as late from '../../src/app/text/late_en.ts';
 import { moreEn } from '../../src/app/text/more_en.ts';
+import { SIGNS } from '../../src/scene/signs/signs.ts';
 
 afterEach(() => {
   expect(say(), 'a test changes no language').toBe(en);
 });
+
+const signNames = (tag: 'en' | 'ko') =>
+  Object.fromEntries(SIGNS.flatMap(({ key, menu }) => (menu === undefined ? [] : [[key, menu.name[tag]]])));
 
 it.each([
   ['of the first second', en, korean.ko],
@@ -17,6 +21,7 @@ it.each([
   ['of recordings', late.recordingEn, korean.recordingKo],
   ['of balance', late.balanceEn, korean.balanceKo],
   ['of accounts', late.accountEn, korean.accountKo],
+  ['of signs', signNames('en'), signNames('ko')],
 ])(
   'has the same sentences in English and Korean, with the same gaps to fill: %s',
   (_, english, translation) => {

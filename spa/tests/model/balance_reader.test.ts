@@ -40,7 +40,7 @@ it.each(cases)(
     };
     for (const { t, codes } of frames) {
       const read = Int32Array.from(codes);
-      const pose = body.place(read);
+      const pose = body.follow(read);
       const found = byBody.ofBody({ linkMatrix }, byBody.wrenches(read), t, pose);
       expect(tellBalance(found)).toEqual(tellBalance(byFrame.ofFrame(read, t)));
     }
@@ -143,7 +143,7 @@ it('of a body that lacks a link nothing is told that depends on it', () => {
   const { manifest, schema, frames } = stands;
   const reader = new BalanceReader(manifest, schema);
   const body = new FrameBody(manifest, schema);
-  body.place(Int32Array.from(frames[0]!.codes));
+  body.follow(Int32Array.from(frames[0]!.codes));
   const linkMatrix = (name: string) => {
     const at = manifest.links.indexOf(name) * 16;
     return name === 'rsole' ? undefined : { elements: body.worldFromLink.subarray(at, at + 16) };

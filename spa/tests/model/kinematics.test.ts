@@ -8,6 +8,8 @@ import { LIGHT_COLORS } from '../../src/scene/canvas2d/colors.ts';
 import { LightRobot } from '../../src/scene/canvas2d/robot.ts';
 import { LightRobotNode } from '../../src/scene/canvas2d/robot_node.ts';
 import { Player } from '../../src/twin/playback/player.ts';
+import { NO_JOINTS } from '../../src/twin/playback/pose.ts';
+import { jointsAt, positionOf } from '../rigs/joints.ts';
 
 type Triple = [number, number, number];
 type Four = [number, number, number, number];
@@ -67,13 +69,13 @@ test('a random tree agrees with plain matrices', () => {
   const model = new Kinematics(joints);
   const next = numbers(11);
   for (let round = 0; round < 5; round += 1) {
-    const readings = new Map(model.jointNames.map((name) => [name, 4 * next()]));
+    const readings = jointsAt(Object.fromEntries(model.jointNames.map((name) => [name, 4 * next()])));
     model.set(readings);
     model.compute();
     const world = [new Matrix4()];
     for (const { name, type, parent, xyz, quat, axis, plane } of joints) {
-      const q = readings.get(name) ?? 0;
-      const of = (variable: string) => readings.get(`${name}/${variable}`) ?? Number.NaN;
+      const q = positionOf(readings, name) ?? 0;
+      const of = (variable: string) => positionOf(readings, `${name}/${variable}`) ?? Number.NaN;
       const [w, x, y, z] = quat;
       const rest = new Matrix4().compose(
         new Vector3(...xyz),
@@ -106,14 +108,14 @@ test('turning there and back, and by whole turns, is standing still', () => {
   const model = new Kinematics(chain);
   const rest = link(model, 2);
   for (const turns of [1, -3, 40]) {
-    model.set(new Map([['j', turns * 2 * Math.PI]]));
+    model.set(jointsAt({ j: turns * 2 * Math.PI }));
     model.compute();
     near(link(model, 2), rest);
   }
-  model.set(new Map([['j', 1.2]]));
+  model.set(jointsAt({ j: 1.2 }));
   model.compute();
   const there = link(model, 1);
-  model.set(new Map([['j', -1.2]]));
+  model.set(jointsAt({ j: -1.2 }));
   model.compute();
   const product = new Float64Array(16);
   multiply(product, 0, there, 0, link(model, 1), 0);
@@ -122,7 +124,7 @@ test('turning there and back, and by whole turns, is standing still', () => {
 
 test('every pose keeps lengths and right angles, however far the readings are', () => {
   const model = new Kinematics(randomTree(40, 3));
-  model.set(new Map(model.jointNames.map((name, i) => [name, 1000 * Math.sin(i)])));
+  model.set(jointsAt(Object.fromEntries(model.jointNames.map((name, i) => [name, 1000 * Math.sin(i)]))));
   model.compute();
   for (let i = 0; i <= 40; i += 1) {
     const m = new Matrix4().fromArray(link(model, i));
@@ -134,7 +136,7 @@ test('every pose keeps lengths and right angles, however far the readings are', 
 
 test('limits do not clamp', () => {
   const model = new Kinematics([joint('prismatic', { limits: { lower: 0, upper: 0.1 } })]);
-  model.set(new Map([['j', 0.5]]));
+  model.set(jointsAt({ j: 0.5 }));
   model.compute();
   expect(model.rootFromLink[16 + 14]).toBe(0.5);
 });
@@ -145,9 +147,9 @@ test('a follower follows with factor and offset, until it has a reading of its o
     joint('prismatic', { name: 'follow', mimic: { joint: 0, multiplier: -2, offset: 0.1 } }),
   ]);
   expect(model.value(1)).toBe(0.1);
-  model.set(new Map([['lead', 0.3]]));
+  model.set(jointsAt({ lead: 0.3 }));
   expect(model.value(1)).toBeCloseTo(-0.5, 12);
-  model.set(new Map([['follow', 7]]));
+  model.set(jointsAt({ follow: 7 }));
   expect(model.value(1)).toBe(7);
 });
 
@@ -158,19 +160,11 @@ test('the same readings again, no reading, and joints nobody has change nothing'
     joint('floating', { name: 'g' }),
   ]);
   expect(model.jointNames.filter((name) => !name.startsWith('g/'))).toEqual(['j']);
-  expect(model.set(new Map([['j', 1]]))).toBe(true);
-  expect(model.set(new Map([['j', 1]]))).toBe(false);
-  expect(model.set(new Map([['j', Number.NaN]]))).toBe(false);
-  expect(
-    model.set(
-      new Map([
-        ['f', 1],
-        ['g', 1],
-        ['tail', 1],
-      ]),
-    ),
-  ).toBe(false);
-  expect(model.set(new Map())).toBe(false);
+  expect(model.set(jointsAt({ j: 1 }))).toBe(true);
+  expect(model.set(jointsAt({ j: 1 }))).toBe(false);
+  expect(model.set(jointsAt({ j: Number.NaN }))).toBe(false);
+  expect(model.set(jointsAt({ f: 1, g: 1, tail: 1 }))).toBe(false);
+  expect(model.set(NO_JOINTS)).toBe(false);
   expect(model.value(0)).toBe(1);
 });
 
@@ -196,27 +190,16 @@ test('a joint of several values takes each by itself: what never came stands at 
     ...['cart/x', 'cart/y', 'cart/theta'],
   ]);
   near(link(model, 2), new Matrix4().elements);
-  model.set(new Map([['body/trans_z', 0.7]]));
+  model.set(jointsAt({ 'body/trans_z': 0.7 }));
   model.compute();
   near(link(model, 1), new Matrix4().setPosition(0, 0, 0.7).elements);
   // A quarter turn about z, with a quaternion of length 2; then x of the cart is y of the world.
   model.set(
-    new Map([
-      ['body/rot_z', Math.SQRT2],
-      ['body/rot_w', Math.SQRT2],
-      ['cart/x', 2],
-      ['cart/theta', -Math.PI / 2],
-    ]),
+    jointsAt({ 'body/rot_z': Math.SQRT2, 'body/rot_w': Math.SQRT2, 'cart/x': 2, 'cart/theta': -Math.PI / 2 }),
   );
   model.compute();
   near(link(model, 2), new Matrix4().setPosition(0, 2, 0.7).elements);
-  model.set(
-    new Map([
-      ['body/rot_z', 0],
-      ['body/rot_w', 1e-9],
-      ['cart/theta', 0],
-    ]),
-  );
+  model.set(jointsAt({ 'body/rot_z': 0, 'body/rot_w': 1e-9, 'cart/theta': 0 }));
   model.compute();
   near(link(model, 1), new Matrix4().setPosition(0, 0, 0.7).elements);
 });

@@ -1,11 +1,12 @@
 import { expect, it } from 'vitest';
 import { RootPose } from '../../src/model/articulated_body.ts';
 import type { Pose } from '../../src/twin/playback/pose.ts';
+import { NO_JOINTS } from '../../src/twin/playback/pose.ts';
 import { IDENTITY, type Quat, quatOfRpy, rpyOf, withoutHeading } from '../../src/twin/rotation.ts';
 import type { Imu } from '../../src/twin/sensors/imus.ts';
 
 const unturned = () => IDENTITY;
-const pose = (more: Partial<Pose>): Pose => ({ joints: new Map(), base: null, ...more });
+const pose = (more: Partial<Pose>): Pose => ({ joints: NO_JOINTS, base: null, ...more });
 const lean = (worldFromSensor: Quat | null): Imu => ({
   ...{ site: 'torso', name: 'torso', link: 'chest', linkFromSensor: IDENTITY, xyz: [0, 0, 0] },
   ...{ heading: true, worldFromSensor },

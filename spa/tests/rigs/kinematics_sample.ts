@@ -1,5 +1,8 @@
+import type { JointValues } from '../../src/twin/playback/pose.ts';
+import { positionOf } from './joints.ts';
+
 /** root_from_link computed row by row, with nothing but text matching and sums: an independent reference. */
-export function forwardKinematics(text: string, values: ReadonlyMap<string, number>): Map<string, number[]> {
+export function forwardKinematics(text: string, values: JointValues): Map<string, number[]> {
   const joints = [...text.matchAll(/<joint name="([^"]+)" type="([^"]+)"[^>]*>([\s\S]*?)<\/joint>/g)].map(
     ([, name, type, inside]) => {
       const attribute = (tag: string, key: string) =>
@@ -13,7 +16,7 @@ export function forwardKinematics(text: string, values: ReadonlyMap<string, numb
         turn:
           type === 'fixed'
             ? compose([0, 0, 0], rpy([0, 0, 0]))
-            : compose([0, 0, 0], about(tuple('axis', 'xyz'), values.get(name!) ?? 0)),
+            : compose([0, 0, 0], about(tuple('axis', 'xyz'), positionOf(values, name!) ?? 0)),
       };
     },
   );

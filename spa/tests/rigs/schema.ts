@@ -61,31 +61,33 @@ export function stateAt(atMs: number, codes = codesWith(), more: Partial<RobotSt
   return { schemaId: SCHEMA.id, seq: 1, codes, ...times, ...more };
 }
 
-/** Codes of a pose at rest, with changes: `{ 'pos.RKN': 520 }`. null is no reading. */
-export function codesWith(changed: Readonly<Record<string, number | null>> = {}): Int32Array {
-  const codes = new Int32Array(SCHEMA.size);
-  const set = (field: string, label: string, code: number | null) => {
-    const of = SCHEMA.field(field);
-    const index = of?.labels.indexOf(label) ?? -1;
-    if (of === null || index < 0) throw new Error(`no channel ${field}.${label}`);
-    codes[of.start + index] = code ?? MISSING;
-  };
-  set('quat', 'torso.w', 1000);
-  for (const label of ['LKN', 'RKN', 'NK1']) {
-    set('flags', label, 0b11);
-    set('temp', label, 33);
-  }
-  for (const [channel, code] of Object.entries(changed)) {
-    const dot = channel.indexOf('.');
-    set(channel.slice(0, dot), channel.slice(dot + 1), code);
+/** A state as the stream hands it over. */
+export function stateOf(codes: Int32Array, more: Partial<RobotState> = {}): RobotState {
+  return stateAt(0, codes, more);
+}
+
+type Codes = Readonly<Record<string, number | null>>;
+
+/** Codes of a schema, all zero but these: `{ 'pos.RKN': 520 }`. null is no reading. */
+export function codesOf(schema: Schema, given: Codes): Int32Array {
+  const codes = new Int32Array(schema.size);
+  for (const [channel, code] of Object.entries(given)) {
+    const [name, ...label] = channel.split('.');
+    const field = schema.field(name!);
+    const index = field?.labels.indexOf(label.join('.')) ?? -1;
+    if (field === null || index < 0) throw new Error(`no channel ${channel}`);
+    codes[field.start + index] = code ?? MISSING;
   }
   return codes;
 }
 
-/** A state as the stream hands it over. */
-export function stateOf(codes: Int32Array, more: Partial<RobotState> = {}): RobotState {
-  const times = { tS: 0, freshMs: 0, bornMs: 0, changedMs: 0, atMs: 0 };
-  return { schemaId: SCHEMA.id, seq: 1, codes, ...times, ...more };
+/** Codes of a pose at rest, with changes. */
+export function codesWith(changed: Codes = {}): Int32Array {
+  const joints = ['LKN', 'RKN', 'NK1'].flatMap((label) => [
+    [`flags.${label}`, 0b11],
+    [`temp.${label}`, 33],
+  ]);
+  return codesOf(SCHEMA, { 'quat.torso.w': 1000, ...Object.fromEntries(joints), ...changed });
 }
 
 /** The frames of one run, as an edge would send them. */

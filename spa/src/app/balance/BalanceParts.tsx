@@ -4,15 +4,11 @@ import { late, onDemand } from '../shell/late.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { settings, useSettings } from '../state/settings.ts';
 
-/** Draws and reports balance. Loaded only for robots that can stand, and only when the viewer wants it. */
+/** Reports balance. Loaded only for robots that can stand, and only when the viewer wants it. */
 export const BALANCE = new LatePart(async () => {
-  const parts = [
-    import('../../scene/signs/balance/balance_overlay.ts'),
-    import('./balance_watch.ts'),
-    import('./BalanceView.tsx'),
-  ] as const;
-  const [{ makeBalance }, { balanceOf }, { spokenStance }] = await Promise.all(parts);
-  return { makeBalance, balanceOf, spokenStance };
+  const parts = [import('./balance_watch.ts'), import('./BalanceView.tsx')] as const;
+  const [{ balanceOf }, { spokenStance }] = await Promise.all(parts);
+  return { balanceOf, spokenStance };
 }, onDemand);
 /** Plots the balance numbers. */
 export const BALANCE_TRACES = new LatePart(() => import('./balance_watch.ts'), onDemand);

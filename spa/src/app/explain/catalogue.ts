@@ -84,11 +84,8 @@ export function placeOf(label: HTMLElement, { clientX, clientY }: MouseEvent): A
 }
 
 /** The keys for what a label or the spirit level shows. */
-export function keysOfLabel({ classList, dataset, textContent }: HTMLElement): readonly string[] {
-  if (classList.contains('stage-level')) return ['signs.plumb', 'signs.disc'];
-  if (dataset.sign?.includes('apart-') === true)
-    return [dataset.quiet === 'true' ? 'signs.yields' : 'signs.ghost'];
-  return ['signs.force', ...(textContent.includes('N·m') ? ['signs.moment'] : []), 'signs.levels'];
+export function keysOfLabel({ dataset }: HTMLElement): readonly string[] {
+  return dataset.explains?.split(' ') ?? [];
 }
 
 function explainUnit(catalogue: Catalogue, unit: string): Explained {

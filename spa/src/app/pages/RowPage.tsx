@@ -3,15 +3,17 @@ import './row.css';
 import { type RefObject, useCallback, useEffect, useRef, useState } from 'react';
 import { manifestUrl } from '../../relay/addresses.ts';
 import type { RowMember, RowView } from '../../scene/figure/body_view.ts';
+import type { RobotSigns } from '../../scene/signs/signs.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
 import { ViewNote } from '../robot/BodyNotes.tsx';
 import { CameraViews, ShownChoice } from '../robot/BodyTools.tsx';
 import { bindBody } from '../robot/body_link.ts';
 import { Chip } from '../robot/Chip.tsx';
 import { LoadLegend } from '../robot/LoadLegend.tsx';
-import { OverlayMenu } from '../robot/OverlayMenu.tsx';
-import { bindOverlay, type OverlayLink } from '../robot/overlay_link.ts';
+import { SignMenu } from '../robot/SignMenu.tsx';
+import { bindSigns } from '../robot/sign_link.ts';
 import { keepLoading, useBodyView, useCameraControls } from '../robot/use_body_view.ts';
+
 import { BackIcon, IconButton, SettingsIcon } from '../shell/icons.tsx';
 import { robotHref } from '../state/address.ts';
 import { type RobotLink, useRobotLink, useVersion, useWord } from '../state/robot_link.ts';
@@ -64,7 +66,7 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
   const { view: scene, trouble, why, choose } = useLine(host, robots.length, labels);
   useCameraControls(host, scene);
   const [links, setLinks] = useState<readonly RobotLink[]>([]);
-  const [signs, setSigns] = useState<readonly OverlayLink[]>([]);
+  const [signs, setSigns] = useState<readonly RobotSigns[]>([]);
   const onLink = useMembers(setLinks);
   const onSigns = useMembers(setSigns);
   const [bodiless, setBodiless] = useState<readonly Bodiless[]>([]);
@@ -123,7 +125,7 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
               <div className="stage-tools">
                 <Shown links={links} />
                 <CameraViews scene={scene} />
-                <OverlayMenu links={links} drawsBalance={scene.drawsBalance} />
+                <SignMenu links={links} drawsBalance={scene.drawsBalance} />
               </div>
             )}
             {scene !== null && <LoadLegend signs={signs} />}
@@ -174,7 +176,7 @@ interface MemberProps {
   readonly body: RowMember | null;
   readonly label: (element: HTMLElement | null) => void;
   readonly onLink: (link: RobotLink) => () => void;
-  readonly onSigns: (signs: OverlayLink) => () => void;
+  readonly onSigns: (signs: RobotSigns) => () => void;
   readonly onBodiless: (robot: Bodiless) => () => void;
 }
 
@@ -203,6 +205,7 @@ function Linked(props: MemberProps & { link: RobotLink }) {
       {
         play: (source) => body.play(source),
         setGrey: (grey) => body.setGrey(grey),
+        lockHeading: (locked) => body.lockHeading(locked),
         wake: () => scene.wake(),
       },
       link,
@@ -211,18 +214,11 @@ function Linked(props: MemberProps & { link: RobotLink }) {
 
   useEffect(() => {
     if (scene === null || body === null) return;
-    const signs = bindOverlay(
-      {
-        showSigns: (readings, manner) => scene.showSigns(readings, manner, body),
-        showGhost: (joints, limbs) => body.showGhost(joints, limbs),
-        lockHeading: (locked) => body.lockHeading(locked),
-      },
-      link,
-    );
+    const { signs, stop } = bindSigns((read) => scene.showSigns(read, body), link);
     const leave = onSigns(signs);
     return () => {
       leave();
-      signs.stop();
+      stop();
     };
   }, [scene, body, link, onSigns]);
 

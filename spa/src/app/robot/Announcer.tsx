@@ -1,18 +1,36 @@
 import { useEffect, useState } from 'react';
 import { asAnyone } from '../../relay/token.ts';
-import { OverlayReader } from '../../twin/overlay/reader.ts';
+import type { ValueLimits } from '../../twin/limits.ts';
+import type { RobotTwin } from '../../twin/robot.ts';
+import { ImuTable } from '../../twin/sensors/imus.ts';
+import { WrenchTable } from '../../twin/sensors/wrenches.ts';
 import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
-import { useMore } from '../text/language.ts';
-import { type Announcement, announcement } from './announcement.ts';
+import './as_anyone.css';
 import '../shell/styles/robot.css';
+import { useMore } from '../text/language.ts';
+import { type Announcement, type AnnouncementInput, announcement } from './announcement.ts';
 
 /** Least time between two announcements to screen readers. */
 const EVERY_MS = 5000;
 /** How often the announcement is rebuilt and compared with the previous one. */
 const LOOK_MS = 500;
-/** Announcements include everything, whatever the visible overlay shows. */
-const ALL = { shown: 'pos', lens: false, forces: true, level: true, load: 'off' } as const;
+
+/** The sensors that announcements are about, whatever is drawn on the body. */
+class Sensors {
+  readonly #wrenches: WrenchTable;
+  readonly #imus: ImuTable;
+
+  constructor(readonly schema: NonNullable<RobotTwin['schema']>) {
+    this.#wrenches = new WrenchTable(schema);
+    this.#imus = new ImuTable(schema);
+  }
+
+  read(codes: Int32Array, limits: ValueLimits): AnnouncementInput['readings'] {
+    this.#imus.read(codes);
+    return { wrenches: this.#wrenches.read(codes, limits), body: this.#imus.body };
+  }
+}
 
 /** The sentence about balance, and the coarser text that triggers a new announcement; null if there is none. */
 function balance(link: RobotLink): Announcement | null {
@@ -25,19 +43,19 @@ function balance(link: RobotLink): Announcement | null {
 export function Announcer({ link }: { link: RobotLink }) {
   const [said, setSaid] = useState('');
   useEffect(() => {
-    let reader: OverlayReader | null = null;
+    let sensors: Sensors | null = null;
     let gist = '';
     let saidMs = Number.NEGATIVE_INFINITY;
     const look = () => {
       const { schema, state, limits, name } = link.twin;
-      if (schema !== null && reader?.schema !== schema) reader = new OverlayReader(schema);
-      const known = schema !== null && state !== null && limits !== null;
+      if (schema !== sensors?.schema) sensors = schema === null ? null : new Sensors(schema);
       const now = announcement({
         name,
         verdict: link.watch.verdict(),
         ending: link.client.link.ending,
         behindMs: link.client.link.behindMs,
-        readings: known ? (reader?.read(state.codes, limits, ALL) ?? null) : null,
+        readings:
+          sensors === null || state === null || limits === null ? null : sensors.read(state.codes, limits),
         faults: link.faults.faults() ?? [],
         balance: balance(link),
       });

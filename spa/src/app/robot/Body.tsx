@@ -7,6 +7,7 @@ import type { ModelReport } from '../../model/report.ts';
 import { accounts } from '../../relay/relay.ts';
 import type { BodyView, RowView } from '../../scene/figure/body_view.ts';
 import { StickFigure } from '../../scene/figure/stick_figure.ts';
+import type { RobotSigns } from '../../scene/signs/signs.ts';
 import { isAbsent } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isThen } from '../../twin/liveness.ts';
@@ -20,7 +21,6 @@ import { settings } from '../state/settings.ts';
 import { useShownSecond } from '../state/viewing.ts';
 import { say, useText } from '../text/language.ts';
 import { bytesWords, problemWords, stageWords, waitingWords } from '../words/status.ts';
-import type { OverlayLink } from './overlay_link.ts';
 import { keepLoading, useBodyView, useCameraControls } from './use_body_view.ts';
 
 // Loaded with the body, so that the page starts without waiting for them.
@@ -35,7 +35,7 @@ const LoadLegend = late(async () => (await import('./LoadLegend.tsx')).LoadLegen
 
 const BODY_LINK = new LatePart(() => import('./body_link.ts'));
 const VIEW_ADDRESS = new LatePart(() => import('../share/view_address.ts'));
-const OVERLAY_LINK = new LatePart(() => import('./overlay_link.ts'));
+const SIGN_LINK = new LatePart(() => import('./sign_link.ts'));
 
 /** The page waits this long before it says what it is waiting for. */
 const SAY_WHY_AFTER_MS = 3000;
@@ -147,17 +147,17 @@ function useViewAddress(view: BodyView | null, drawn: Emitter, link: RobotLink |
   }, [view, drawn, link]);
 }
 
-/** Connects the overlay to the robot's readings. */
-function useSigns(scene: BodyView | null, link: RobotLink): OverlayLink | null {
-  const [signs, setSigns] = useState<OverlayLink | null>(null);
+/** Connects the signs to the robot's readings. */
+function useSigns(scene: BodyView | null, link: RobotLink): RobotSigns | null {
+  const [signs, setSigns] = useState<RobotSigns | null>(null);
   useEffect(() => {
     if (scene === null) return;
-    // Until this chunk is here, the body is shown without overlay.
+    // Until this chunk is here, the body is shown without signs.
     const end = startWhenLoaded(
-      OVERLAY_LINK.load().then(({ bindOverlay }) => () => {
-        const drawn = bindOverlay(scene, link);
-        setSigns(drawn);
-        return drawn.stop;
+      SIGN_LINK.load().then(({ bindSigns }) => () => {
+        const { signs: bound, stop } = bindSigns((read) => scene.showSigns(read), link);
+        setSigns(bound);
+        return stop;
       }),
     );
     return () => {

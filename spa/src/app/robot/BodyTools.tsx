@@ -5,7 +5,7 @@ import { SettingChoice } from '../shell/SettingChoice.tsx';
 import { type RobotLink, useVersion } from '../state/robot_link.ts';
 import { useMore } from '../text/language.ts';
 import { bytesWords } from '../words/status.ts';
-import { OverlayMenu } from './OverlayMenu.tsx';
+import { SignMenu } from './SignMenu.tsx';
 
 /** The tools over the body: camera views, displayed values, overlay. */
 export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyView; shown: boolean }) {
@@ -15,7 +15,7 @@ export function BodyTools({ link, view, shown }: { link: RobotLink; view: BodyVi
     <div className="stage-tools">
       {hasRef && <ShownChoice />}
       <CameraViews scene={view} />
-      <OverlayMenu links={[link]} drawsBalance={view.drawsBalance} />
+      <SignMenu links={[link]} drawsBalance={view.drawsBalance} />
       {shown && <Finer scene={view} />}
     </div>
   );

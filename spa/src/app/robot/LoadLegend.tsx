@@ -1,16 +1,19 @@
+import '../shell/styles/signs.css';
+import { Load, type LoadScale } from '../../scene/signs/load.ts';
+import type { RobotSigns } from '../../scene/signs/signs.ts';
 import { displayOf, formatNumber } from '../../twin/format.ts';
-import type { LoadScale } from '../../twin/sensors/load.ts';
 import { useTicked } from '../state/hooks.ts';
 import { useSettings } from '../state/settings.ts';
 import { useMore } from '../text/language.ts';
-import type { OverlayLink } from './overlay_link.ts';
 
 /** The legend of the load colours of one or several robots; empty while they are off. */
-export function LoadLegend({ signs }: { signs: readonly OverlayLink[] }) {
+export function LoadLegend({ signs }: { signs: readonly RobotSigns[] }) {
   const { load } = useSettings();
   const text = useMore();
   // without limits, the scale adapts to the readings
-  const scale = useTicked(1000, () => (load === 'off' ? null : scaleOf(signs.map((of) => of.loadScale()))));
+  const scale = useTicked(1000, () =>
+    load === 'off' ? null : scaleOf(signs.map((of) => of.of(Load)?.scale ?? null)),
+  );
   if (scale === null) return null;
   const { field, unit, rest, full, limited, cautionPart } = scale;
   const display = displayOf(unit, 'rad');

@@ -3,8 +3,7 @@ import type { Fault } from '../../twin/alarms/fault_log.ts';
 import { displayOf, formatNumber } from '../../twin/format.ts';
 import { isClaim, type Verdict } from '../../twin/liveness.ts';
 import { isolated } from '../../twin/names.ts';
-import type { OverlayReadings } from '../../twin/overlay/reader.ts';
-import { leanOf } from '../../twin/sensors/imus.ts';
+import { type Imu, leanOf } from '../../twin/sensors/imus.ts';
 import type { Arrow, Wrench } from '../../twin/sensors/wrenches.ts';
 import { more } from '../text/language.ts';
 import { faultWords } from '../words/fault.ts';
@@ -26,8 +25,8 @@ export interface AnnouncementInput {
   ending?: Link['ending'];
   /** The delay of the picture, ms; null: none. */
   behindMs?: Link['behindMs'];
-  /** The overlay's readings of the newest frame; null before any. */
-  readings: Pick<OverlayReadings, 'wrenches' | 'body'> | null;
+  /** The newest readings of its force-torque sensors, and of the one that measures its lean; null before any. */
+  readings: { readonly wrenches: readonly Wrench[]; readonly body: Imu | null } | null;
   faults: readonly Fault[];
   /** A sentence about its balance; null if there is none. */
   balance?: Announcement | null;

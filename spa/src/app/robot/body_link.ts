@@ -7,7 +7,7 @@ import { onSettings, settings } from '../state/settings.ts';
 /** Shows the robot's poses in a view as they arrive, outside React. The view is grey while the robot is, or was, STALE or
  *  OFFLINE. Returns a function that stops it. */
 export function bindBody(
-  scene: Pick<BodyView, 'play' | 'wake' | 'setGrey'>,
+  scene: Pick<BodyView, 'play' | 'wake' | 'setGrey' | 'lockHeading'>,
   { twin, watch, nowMs, resting }: RobotLink,
 ): () => void {
   let player: Player | null = null;
@@ -35,6 +35,7 @@ export function bindBody(
   };
   const chosen = () => {
     if (player !== null) smooth(player);
+    scene.lockHeading(settings().headingLocked);
     scene.wake();
   };
   const grey = () => scene.setGrey(isOld(watch.verdict()));
@@ -52,6 +53,7 @@ export function bindBody(
   });
   const leave = [twin.onState(take), onSettings(chosen), watch.onWord(grey)];
   grey();
+  chosen();
   take();
   return () => {
     scene.play(null);

@@ -14,7 +14,7 @@ import { changeSettings, type Settings, settings, useSettings } from '../state/s
 import { say } from '../text/language.ts';
 
 /** Loads the 3D view, a separate chunk. Rejects if it can't be loaded. The label styles come with the code that draws labels,
- *  `overlay/overlay_link.ts`. */
+ *  `sign_link.ts`. */
 export function loadThree() {
   return import('../../scene/three/index.ts');
 }

@@ -1,32 +1,15 @@
 import { readStored, writeStored } from '../../browser/storage.ts';
 import { createStore } from '../../kit.ts';
 import type { FollowMode } from '../../scene/figure/body_view.ts';
+import type { SignSettings } from '../../scene/signs/sign.ts';
 import type { AngleUnit } from '../../twin/format.ts';
 import { limitedNames } from '../../twin/joints.ts';
-import type { LoadField } from '../../twin/sensors/load.ts';
 import { useStore } from './hooks.ts';
 
 /** The settings of the page. They are kept in this browser and never sent. */
-export interface Settings {
+export interface Settings extends SignSettings {
   theme: 'system' | 'dark' | 'light';
   language: 'system' | 'en' | 'ko';
-  angle: AngleUnit;
-  /** Which joint values the body shows. */
-  shown: 'pos' | 'ref' | 'both';
-  /** Parts of the overlay. `lens`: a ghost and arcs where ref and pos differ; `forces`: force and moment arrows;
-   *  `level`: the tilt of base and IMUs. */
-  lens: boolean;
-  forces: boolean;
-  level: boolean;
-  /** The joint value that colours the body: motor current or temperature. */
-  load: 'off' | LoadField;
-  /** Centre of mass, support polygon and margin; `auto`: on for robots with two feet that measure forces, and with masses. */
-  balance: 'auto' | 'on' | 'off';
-  /** A factor for the length of force arrows; within `ARROWS`. */
-  arrowScale: number;
-  /** Keeps the body facing one way; the heading that its sensors measure is ignored. */
-  headingLocked: boolean;
-  palette: 'standard' | 'safe';
   /** How the body is drawn; `auto`: in 3D if the browser has it and the device is fast enough. */
   body: 'auto' | '3d' | 'light';
   /** Interpolates between poses; off: each pose is shown when it arrives. */
@@ -58,6 +41,7 @@ const DEFAULTS: Settings = {
   level: true,
   load: 'off',
   balance: 'auto',
+  signs: {},
   arrowScale: 1,
   headingLocked: false,
   palette: 'standard',
@@ -84,6 +68,8 @@ const CHOICES: { readonly [K in keyof Settings]: (value: unknown) => value is Se
   level: isSwitch,
   load: (v): v is Settings['load'] => v === 'off' || limitedNames().some((name) => name === v),
   balance: (v): v is Settings['balance'] => v === 'auto' || v === 'on' || v === 'off',
+  signs: (v): v is Settings['signs'] =>
+    typeof v === 'object' && v !== null && Object.values(v).every(isSwitch),
   arrowScale: (v): v is number => typeof v === 'number' && v >= ARROWS.least && v <= ARROWS.most,
   headingLocked: isSwitch,
   palette: (v): v is Settings['palette'] => v === 'standard' || v === 'safe',

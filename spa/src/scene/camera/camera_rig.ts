@@ -1,7 +1,7 @@
 import { type Extent, extentOf } from '../../model/bounds.ts';
+import type { PlacedBox } from '../../model/posed_body.ts';
 import { addScaled, dot } from '../../model/vectors.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { BodySpan, PlacedBox } from './body_span.ts';
 import { clearDirection } from './clear_direction.ts';
 import { directionOf, FIELD_OF_VIEW, fittingDistance, type ViewName } from './framing.ts';
 import { type Insets, ViewInsets } from './insets.ts';
@@ -15,7 +15,7 @@ import {
   shifted,
   shorterTurn,
 } from './orbit.ts';
-import { WholeBody } from './whole_body.ts';
+import { type BodySpan, WholeBody } from './whole_body.ts';
 
 /** Options that differ between renderers. */
 export interface RigOptions {

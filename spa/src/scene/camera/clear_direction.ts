@@ -1,7 +1,7 @@
 import type { LinkBox } from '../../model/bounds.ts';
+import type { PlacedBox } from '../../model/posed_body.ts';
 import { addScaled, dot } from '../../model/vectors.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { PlacedBox } from './body_span.ts';
 import { clamp, type Orbit } from './orbit.ts';
 
 const RADIANS = Math.PI / 180;

@@ -1,10 +1,10 @@
-import { ArticulatedBody } from '../../model/articulated_body.ts';
-import { boundsOf, type LinkBox } from '../../model/bounds.ts';
-import { Kinematics, placeLinks, transform } from '../../model/kinematics.ts';
+import { ArticulatedBody, type PlacedLink } from '../../model/articulated_body.ts';
+import type { LinkBox } from '../../model/bounds.ts';
+import { Kinematics, placeLinks } from '../../model/kinematics.ts';
 import type { Lod } from '../../model/lod.ts';
 import type { Manifest } from '../../model/manifest.ts';
 import type { LinkLook, LinkTint } from '../../model/posed_body.ts';
-import { IDENTITY, type Quat, type Vec3 } from '../../twin/rotation.ts';
+import type { Quat, Vec3 } from '../../twin/rotation.ts';
 import type { FigureGhost, StagedFigure } from '../figure/figure_node.ts';
 import { UNREAD } from '../signs/colors.ts';
 import type { LightColors } from './colors.ts';
@@ -13,11 +13,6 @@ import { type LinkPaint, Shells, type ShellView } from './shells.ts';
 
 /** Near clipping distance as a fraction of the robot's size. */
 const NEAR = 0.02;
-
-/** A transform: 16 numbers, column-major, a view into a larger array. */
-interface Placed {
-  readonly matrixWorld: { readonly elements: Float64Array };
-}
 
 /** The ghost: the same robot in another pose. */
 interface SecondBody {
@@ -30,12 +25,7 @@ interface SecondBody {
 
 /** A built robot in the light view, with the same manifest, kinematics, overlay and coarsest level as in 3D. */
 export class LightRobot extends ArticulatedBody implements StagedFigure {
-  readonly boxes: readonly (readonly [Placed, LinkBox])[];
-  /** Link 0 is the root. */
-  readonly root: Placed;
-  /** world_from_link: 16 numbers a link, column-major, metres. */
-  readonly worldFromLink: Float64Array;
-  readonly #placed: readonly Placed[];
+  readonly root: PlacedLink;
   readonly #looks = new Map<number, LinkLook>();
   readonly #tints = new Map<number, LinkTint>();
   /** Links whose place is unknown, because their joints have no reading. */
@@ -44,19 +34,13 @@ export class LightRobot extends ArticulatedBody implements StagedFigure {
   #shells: Shells | null = null;
   #tones: LightColors;
   #near = 0.01;
-  #worldFromRoot: readonly number[] = transform([0, 0, 0], IDENTITY);
   /** Offset along y of this robot among others, metres; takes effect at the next `place` or `ground`. */
   aside = 0;
 
   constructor(manifest: Manifest, tones: LightColors) {
     super(manifest);
     this.#tones = tones;
-    this.worldFromLink = new Float64Array(manifest.links.length * 16);
-    this.#placed = manifest.links.map((_, i) => ({
-      matrixWorld: { elements: this.worldFromLink.subarray(i * 16, i * 16 + 16) },
-    }));
-    this.root = this.#placed[0]!;
-    this.boxes = [...this.boxOfLink].map(([link, box]) => [this.#placed[link]!, box] as const);
+    this.root = this.placed[0]!;
     this.ground();
   }
 
@@ -74,18 +58,9 @@ export class LightRobot extends ArticulatedBody implements StagedFigure {
     return this.#ghost !== null;
   }
 
-  linkMatrix(name: string): { readonly elements: Float64Array } | undefined {
-    return this.#placed[this.linkOf.get(name) ?? -1]?.matrixWorld;
-  }
-
-  place([x, y, z]: Vec3, quat_wxyz: Quat): void {
-    this.#worldFromRoot = transform([x, y + this.aside, z], quat_wxyz);
-    placeLinks(this.#worldFromRoot, this.kinematics.rootFromLink, this.worldFromLink);
+  override place([x, y, z]: Vec3, quat_wxyz: Quat): void {
+    super.place([x, y + this.aside, z], quat_wxyz);
     this.#ghost?.spread();
-  }
-
-  ground(quat_wxyz: Quat = IDENTITY): void {
-    this.place([0, 0, -this.lowestPoint(quat_wxyz)], quat_wxyz);
   }
 
   /** Makes the ghost; there is one at a time. */
@@ -93,13 +68,13 @@ export class LightRobot extends ArticulatedBody implements StagedFigure {
     const kinematics = new Kinematics(this.manifest.joints);
     const worldFromLink = new Float64Array(this.worldFromLink.length);
     const links = new Set(this.linkNames.keys());
-    const spread = () => placeLinks(this.#worldFromRoot, kinematics.rootFromLink, worldFromLink);
+    const spread = () => placeLinks(this.root.matrixWorld.elements, kinematics.rootFromLink, worldFromLink);
     const ghost = { worldFromLink, links, spread };
     spread();
     this.#ghost = ghost;
     return {
-      setJoints: (joints) => {
-        if (!kinematics.set(joints)) return false;
+      setJoints: (joints, instead) => {
+        if (!kinematics.set(joints, instead)) return false;
         kinematics.compute();
         spread();
         return true;
@@ -148,9 +123,8 @@ export class LightRobot extends ArticulatedBody implements StagedFigure {
     this.#shells = new Shells(level, pictures, this.manifest.visuals, this.#tones);
   }
 
-  /** Its bounding box in the world, metres. */
-  bounds(): LinkBox {
-    const { min, max } = boundsOf(this.worldFromLink, this.boxOfLink);
+  override bounds(): LinkBox {
+    const { min, max } = super.bounds();
     this.#near = Math.hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]) * NEAR;
     return { min, max };
   }

@@ -1,13 +1,13 @@
 import { prefersReducedMotion } from '../../browser/painting.ts';
 import { Debounce } from '../../kit.ts';
-import type { OverlayReadings } from '../../twin/overlay/reader.ts';
+
 import { CameraRig } from '../camera/camera_rig.ts';
-import type { SeenOverlay } from '../figure/body_view.ts';
+import type { DrawnSigns } from '../figure/body_view.ts';
 import type { NodeHost } from '../figure/figure_node.ts';
 import { RobotRow, topOf } from '../figure/robot_row.ts';
 import { RowStage } from '../figure/row_stage.ts';
 import { Overlay } from '../signs/overlay.ts';
-import type { OverlayStyle } from '../signs/robot_overlay.ts';
+import type { RobotSigns } from '../signs/signs.ts';
 import { LIGHT_COLORS, type LightColors } from './colors.ts';
 import { LightPainter } from './painter.ts';
 import { attachPointerInput } from './pointer_input.ts';
@@ -107,7 +107,7 @@ export class LightView extends RowStage<LightRobotNode> {
     this.#tones = LIGHT_COLORS[options.theme];
     const { canvas } = this.#painter;
     host.append(canvas);
-    this.#overlay = new Overlay(host, this.#tones.signs);
+    this.#overlay = new Overlay(host, this.#tones.signs, this.drawsBalance);
     this.#letGo = attachPointerInput(canvas, this.rig);
     this.addRobot();
     this.loop.add({ advance: (seconds) => this.#advance(seconds) });
@@ -128,9 +128,9 @@ export class LightView extends RowStage<LightRobotNode> {
     return this.#triangles;
   }
 
-  signsOf(robot: LightRobotNode): SeenOverlay {
+  signsOf(robot: LightRobotNode): DrawnSigns {
     if (this.#overlay.make()) this.loop.request();
-    return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
+    return { ...this.#overlay.drawn(robot), ghostLinks: robot.ghostLinks };
   }
 
   /** How long the newest picture in motion took to draw, ms. */
@@ -155,12 +155,13 @@ export class LightView extends RowStage<LightRobotNode> {
   setTheme(name: 'dark' | 'light'): void {
     this.#tones = LIGHT_COLORS[name];
     for (const robot of this.robots) robot.setTones(this.#tones);
-    this.#overlay.setTones(this.#tones.signs);
+    this.#overlay.setColors(this.#tones.signs);
     this.loop.request();
   }
 
-  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.robot): void {
-    this.#overlay.show(of, readings, manner && { ...manner, balance: null });
+  override showSigns(signs: RobotSigns, of: LightRobotNode = this.robot): void {
+    super.showSigns(signs, of);
+    this.#overlay.show(of, signs);
     this.loop.wake();
   }
 

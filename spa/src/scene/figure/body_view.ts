@@ -1,12 +1,11 @@
 import type { LinkLook } from '../../model/posed_body.ts';
 import type { ModelReport } from '../../model/report.ts';
 import type { KinematicTree } from '../../twin/kinematic_tree.ts';
-import type { OverlayReadings } from '../../twin/overlay/reader.ts';
-import type { Pose } from '../../twin/playback/pose.ts';
+import type { JointValues, Pose } from '../../twin/playback/pose.ts';
 import type { EyePlace, FollowMode } from '../camera/camera_rig.ts';
 import type { ViewName } from '../camera/framing.ts';
 import type { Insets } from '../camera/insets.ts';
-import type { OverlayStyle, ShownOverlay } from '../signs/robot_overlay.ts';
+import type { RobotSigns } from '../signs/signs.ts';
 
 export type { EyePlace, FollowMode } from '../camera/camera_rig.ts';
 
@@ -20,26 +19,22 @@ export interface PoseSource {
   setContinuous(joints: readonly string[]): void;
 }
 
-/** Which of a robot's signs are visible now, for tests and the debug interface. */
-export type SeenOverlay = ShownOverlay & {
+/** What a robot's signs have drawn, by key, for tests and the debug interface. */
+export type DrawnSigns = Readonly<Record<string, unknown>> & {
   /** The visible links of the ghost. */
   readonly ghostLinks: readonly string[];
 };
 
-/** A body with overlay and ghost. */
-export interface OverlaidBody {
-  /** Shows forces, deviations, level and load of the newest frame; null removes them. */
-  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle): void;
-  /** Shows a transparent second copy of the robot in another pose (rad or m by URDF name); null removes it. With `limbs`, shows
-   *  only the links beyond those joints; all other joints are as in the body. */
-  showGhost(joints: ReadonlyMap<string, number> | null, limbs?: readonly string[] | null): void;
-  /** Sets whether the robot always faces along the world's x axis, whatever its sensors report. */
-  lockHeading(locked: boolean): void;
-}
-
 /** The view of a robot's body that the page uses, drawn with WebGL (`RobotScene`) or on a 2D canvas (`LightView`).
  *  Links and joints go by their URDF names. */
-export interface BodyView extends OverlaidBody {
+export interface BodyView {
+  /** Shows a robot's signs. Call it whenever they have read a frame. */
+  showSigns(signs: RobotSigns): void;
+  /** Shows a transparent second copy of the robot in another pose; null removes it. With `limbs`, shows only the links beyond
+   *  those joints, and joints without a value are as in the body. The same links should be the same array. */
+  showGhost(joints: JointValues | null, limbs?: readonly string[] | null): void;
+  /** Sets whether the robot always faces along the world's x axis, whatever its sensors report. */
+  lockHeading(locked: boolean): void;
   /** Pictures drawn so far. */
   readonly renderedFrames: number;
   /** Whether nothing is being drawn: the newest picture stays until something changes. */
@@ -48,7 +43,7 @@ export interface BodyView extends OverlaidBody {
   readonly drawCalls: number;
   /** Triangles of the newest picture. */
   readonly triangles: number;
-  readonly signs: SeenOverlay;
+  readonly signs: DrawnSigns;
   /** Bytes that `refine` would fetch; null if there is nothing finer, or only levels too large for this device. */
   readonly finerBytes: number | null;
   /** Loads the model of a manifest. Never rejects: errors are in the report. A later call supersedes an earlier one. */
@@ -107,8 +102,7 @@ export interface RowMember {
   load: BodyView['load'];
   play: BodyView['play'];
   setGrey: BodyView['setGrey'];
-  showGhost: OverlaidBody['showGhost'];
-  lockHeading: OverlaidBody['lockHeading'];
+  lockHeading: BodyView['lockHeading'];
 }
 
 /** A view with several robots side by side. The members of `BodyView` apply to the first of them. */
@@ -120,6 +114,6 @@ export interface RowView extends BodyView {
   /** Where the top of a robot appears in the picture, CSS px; null while it has no body or is behind the camera. */
   topOf(robot: RowMember): { x: number; y: number } | null;
   /** `showSigns` for any of the robots. */
-  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of?: RowMember): void;
-  signsOf(robot: RowMember): SeenOverlay;
+  showSigns(signs: RobotSigns, of?: RowMember): void;
+  signsOf(robot: RowMember): DrawnSigns;
 }

@@ -4,9 +4,8 @@ import { isPassing } from '../../model/bundle.ts';
 import { type LinkLook, linksBeyond, linksMovedBy, type PosedBody, treeOf } from '../../model/posed_body.ts';
 import type { ModelReport } from '../../model/report.ts';
 import type { KinematicTree } from '../../twin/kinematic_tree.ts';
-import type { Pose } from '../../twin/playback/pose.ts';
+import { type JointValues, NO_JOINTS, type Pose } from '../../twin/playback/pose.ts';
 import type { Quat, Vec3 } from '../../twin/rotation.ts';
-import type { PlacedBox } from '../camera/body_span.ts';
 import type { PoseSource, RowMember } from './body_view.ts';
 import type { Moving } from './render_loop.ts';
 import type { Box, RowNode } from './robot_row.ts';
@@ -15,8 +14,8 @@ export type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 
 /** A transparent copy of a robot in another pose. It lives no longer than its robot. */
 export interface FigureGhost {
-  /** Sets its joints, rad or m by URDF name. False if nothing changed. */
-  setJoints(joints: ReadonlyMap<string, number>): boolean;
+  /** Sets its joints; readings in `instead` win. False if nothing changed. */
+  setJoints(joints: JointValues, instead?: JointValues | null): boolean;
   /** Sets how a link is shown; a ghost can only fade and hide. */
   setLook(link: string, look: LinkLook): void;
   dispose(): void;
@@ -26,10 +25,8 @@ export interface FigureGhost {
 export interface StagedFigure extends PosedBody {
   /** The names of its continuous joints, whose angles wrap. */
   readonly continuousNames: readonly string[];
-  /** The bounding box of each drawn link, with the link's pose. */
-  readonly boxes: Iterable<PlacedBox>;
-  /** Sets the joints, rad or m by URDF name. False if nothing changed. */
-  setJoints(joints: ReadonlyMap<string, number>): boolean;
+  /** Sets the joints. False if nothing changed. */
+  setJoints(joints: JointValues): boolean;
   /** Places the root link in the world (metres, unit quaternion) and computes the poses of all links. */
   place(xyz: Vec3, quat_wxyz: Quat): void;
   /** Puts the root over the world's origin with this rotation (default upright), the lowest point on the floor. */
@@ -59,7 +56,8 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   readonly #rootPose = new RootPose();
   #figure: F | null = null;
   #ghost: FigureGhost | null = null;
-  #ghostWish: GhostRequest | null = null;
+  #ghostRequest: GhostRequest | null = null;
+  #ghostLimbs: readonly string[] | null = null;
   #ghostLinks: readonly string[] = [];
   #loading: AbortController | null = null;
   #source: PoseSource | null = null;
@@ -113,8 +111,8 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   load(manifestUrl: string, onProgress: OnProgress): Promise<ModelReport> {
     return this.supersede(async (signal, report) => {
       await this.read(manifestUrl, onProgress, signal, report);
-      const named = [...(this.#pose?.joints.keys() ?? [])];
-      report.ignored = named.filter((name) => !report.joints.includes(name));
+      const { names, values } = this.#pose?.joints ?? NO_JOINTS;
+      report.ignored = names.filter((name, i) => !Number.isNaN(values[i]) && !report.joints.includes(name));
       this.#host.framed(true);
     });
   }
@@ -159,12 +157,12 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   }
 
   /**
-   * Shows a transparent second copy of the robot in another pose (rad or m by URDF name); null removes it. With `limbs`, only the
-   * links beyond those joints are shown, and all other joints are as in the body.
+   * Shows a transparent second copy of the robot in another pose; null removes it. With `limbs`, only the links beyond those joints
+   * are shown, and all joints without a value are as in the body.
    */
-  showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
-    if (joints === null && this.#ghostWish === null) return;
-    this.#ghostWish = joints === null ? null : { joints, limbs };
+  showGhost(joints: JointValues | null, limbs: readonly string[] | null = null): void {
+    if (joints === null && this.#ghostRequest === null) return;
+    this.#ghostRequest = joints === null ? null : { joints, limbs };
     if (this.#poseGhost()) this.#host.changed();
   }
 
@@ -290,24 +288,27 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   /** Creates, poses or removes the ghost. True if it looks different now. */
   #poseGhost(): boolean {
     const figure = this.#figure;
-    const wanted = figure === null ? null : ghostOf(figure, this.#pose, this.#ghostWish);
-    if (figure === null || wanted === null) {
+    const whole = this.#pose?.ghost ?? null;
+    const request = whole === null ? this.#ghostRequest : { joints: whole, limbs: null };
+    if (figure === null || request === null) {
       const had = this.#ghost !== null;
       this.#ghost?.dispose();
       this.#ghost = null;
       return had;
     }
-    const { joints, links } = wanted;
-    const made = this.#ghost === null;
+    const { joints, limbs } = request;
+    const isOther = this.#ghost === null || limbs !== this.#ghostLimbs;
     const ghost = this.#ghost ?? figure.ghost();
     this.#ghost = ghost;
-    const otherLinks = made || links.join('\n') !== this.#ghostLinks.join('\n');
-    if (otherLinks) {
-      this.#ghostLinks = links;
-      const seen = new Set(links);
-      for (const link of figure.linkNames) ghost.setLook(link, { hide: !seen.has(link) });
+    if (isOther) {
+      this.#ghostLimbs = limbs;
+      this.#ghostLinks = limbs === null ? figure.linkNames : linksBeyond(figure, limbs);
+      const shown = new Set(this.#ghostLinks);
+      for (const link of figure.linkNames) ghost.setLook(link, { hide: !shown.has(link) });
     }
-    return ghost.setJoints(joints) || otherLinks;
+    const isMoved =
+      limbs === null ? ghost.setJoints(joints) : ghost.setJoints(this.#pose?.joints ?? NO_JOINTS, joints);
+    return isMoved || isOther;
   }
 
   #updateGrey(): void {
@@ -326,23 +327,8 @@ function sameSet<T>(a: ReadonlySet<T>, b: ReadonlySet<T>): boolean {
   return a === b || (a.size === b.size && [...a].every((item) => b.has(item)));
 }
 
-/** A request for a ghost: joints by URDF name, rad or m. With `limbs`, only the links beyond those joints are shown,
- *  and all other joints are as in the body. */
+/** A request for a ghost, as in `showGhost`. */
 interface GhostRequest {
-  readonly joints: ReadonlyMap<string, number>;
+  readonly joints: JointValues;
   readonly limbs: readonly string[] | null;
-}
-
-/** The joints and links of the ghost; null for no ghost. A whole ghost in the pose takes precedence over a request. */
-function ghostOf(
-  body: PosedBody,
-  pose: Pose | null,
-  wish: GhostRequest | null,
-): { joints: ReadonlyMap<string, number>; links: readonly string[] } | null {
-  const told = pose?.ghost ?? null;
-  if (told !== null) return { joints: told, links: body.linkNames };
-  if (wish === null) return null;
-  const { joints, limbs } = wish;
-  if (limbs === null) return { joints, links: body.linkNames };
-  return { joints: new Map([...(pose?.joints ?? []), ...joints]), links: linksBeyond(body, limbs) };
 }

@@ -1,5 +1,6 @@
+import type { PlacedBox } from '../../model/posed_body.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import { type BodySpan, type PlacedBox, spanOf } from '../camera/body_span.ts';
+import { type BodySpan, spanOf } from '../camera/whole_body.ts';
 
 /** Minimum room for a robot, also while it has no model, metres. */
 const LEAST_ROOM = 0.3;

@@ -2,13 +2,12 @@ import { type LinkLook, treeOf } from '../../model/posed_body.ts';
 import type { ModelReport } from '../../model/report.ts';
 import { originOf } from '../../model/vectors.ts';
 import type { KinematicTree } from '../../twin/kinematic_tree.ts';
-import type { OverlayReadings } from '../../twin/overlay/reader.ts';
-import type { Pose } from '../../twin/playback/pose.ts';
+import type { JointValues, Pose } from '../../twin/playback/pose.ts';
 import type { CameraRig, EyePlace, FollowMode } from '../camera/camera_rig.ts';
 import type { ViewName } from '../camera/framing.ts';
 import type { Insets } from '../camera/insets.ts';
-import type { OverlayStyle } from '../signs/robot_overlay.ts';
-import type { PoseSource, RowView, SeenOverlay } from './body_view.ts';
+import type { RobotSigns } from '../signs/signs.ts';
+import type { DrawnSigns, PoseSource, RowView } from './body_view.ts';
 import type { FigureNode, NodeHost, OnProgress, StagedFigure } from './figure_node.ts';
 import { RenderLoop } from './render_loop.ts';
 import type { RobotRow } from './robot_row.ts';
@@ -28,8 +27,7 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
   abstract refine(onProgress: OnProgress): Promise<void>;
   abstract setTheme(name: 'dark' | 'light'): void;
   abstract pick(clientX: number, clientY: number): string | null;
-  abstract showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of?: N): void;
-  abstract signsOf(robot: N): SeenOverlay;
+  abstract signsOf(robot: N): DrawnSigns;
   abstract topOf(robot: N): { x: number; y: number } | null;
   abstract dispose(): void;
 
@@ -141,11 +139,16 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
     this.robot.setLinkLook(link, look);
   }
 
-  showGhost(joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null): void {
+  showGhost(joints: JointValues | null, limbs: readonly string[] | null = null): void {
     this.robot.showGhost(joints, limbs);
   }
 
-  get signs(): SeenOverlay {
+  showSigns(signs: RobotSigns, of: N = this.robot): void {
+    const { joints = null, limbs = null } = signs.ghost ?? {};
+    of.showGhost(joints, limbs);
+  }
+
+  get signs(): DrawnSigns {
     return this.signsOf(this.robot);
   }
 

@@ -1,3 +1,4 @@
+import type { Schema } from '@posecast/wire';
 import { lowestZ } from '../../model/bounds.ts';
 import type { PosedBody } from '../../model/posed_body.ts';
 import {
@@ -12,6 +13,7 @@ import {
   rotateAbout,
   type Transform,
 } from '../../model/vectors.ts';
+import { type AngleUnit, displayOf, formatNumber } from '../../twin/format.ts';
 import {
   invertQuat,
   rotateVector,
@@ -19,9 +21,9 @@ import {
   type Vec3,
   withoutHeading,
 } from '../../twin/rotation.ts';
-import { type Imu, leanOf } from '../../twin/sensors/imus.ts';
-import type { Paint } from './picture_numbers.ts';
-import type { Strokes } from './strokes.ts';
+import { type Imu, ImuTable, leanOf } from '../../twin/sensors/imus.ts';
+import type { Sign, SignFrame, SignPicture } from './sign.ts';
+import type { Paint } from './strokes.ts';
 
 /** Sizes in radii of the robot. */
 const PLANE = 0.62;
@@ -36,18 +38,6 @@ const WORLD_UP: Vec3 = [0, 0, 1];
 const WORLD_X: Vec3 = [1, 0, 0];
 const DOWN: Vec3 = [0, 0, -1];
 
-export interface AttitudePaints {
-  readonly plane: Paint;
-  readonly rim: Paint;
-  readonly gravity: Paint;
-  /** Thin lines that extend others. */
-  readonly faint: Paint;
-  readonly lean: Paint;
-  /** False: without plane and plumb line. The balance signs have their own plumb line, and the plane would look like the
-   *  support. */
-  readonly ground: boolean;
-}
-
 export interface ShownAttitude {
   /** Height of the reference plane, m; null while no sensor tells what is level. */
   readonly planeZ: number | null;
@@ -58,44 +48,66 @@ export interface ShownAttitude {
   readonly feet: readonly string[];
 }
 
-/** Draws the horizontal and the robot's lean: a plane at the lowest foot, the plumb line, the body's own up axis. */
-export class AttitudeOverlay {
-  shown: ShownAttitude = { planeZ: null, roll: null, pitch: null, feet: [] };
+/** The horizontal and the robot's lean: a plane at the lowest foot, the plumb line, the body's own up axis. */
+export class Attitude implements Sign {
+  static readonly key = 'level';
+  static readonly menu = {
+    name: { en: 'Level and gravity', ko: '수평과 중력' },
+    explain: 'signs.plumb',
+    setting: 'level',
+  } as const;
+  drawn: ShownAttitude = { planeZ: null, roll: null, pitch: null, feet: [] };
+  readonly #imus: ImuTable;
+  /** Whether the robot reports its orientation by odometry. */
+  readonly #based: boolean;
 
-  /** Adds its strokes. `based`: the robot reports its orientation by odometry; `reach`: its radius, m. */
-  draw(
-    strokes: Strokes,
-    figure: PosedBody | null,
-    imus: readonly Imu[],
-    body: Imu | null,
-    based: boolean,
-    reach: number,
-    paints: AttitudePaints,
-  ): void {
-    const lean = body === null ? null : leanOf(body);
-    const planeZ = figure !== null && (based || lean !== null) ? lowest(figure) : null;
-    const feet: string[] = [];
-    if (figure !== null) {
-      if (planeZ !== null && paints.ground) drawPlane(strokes, figure, planeZ, reach, paints);
-      if (body !== null && lean !== null) drawPlumb(strokes, figure, body, planeZ ?? 0, reach, paints);
-      for (const imu of imus) {
-        if (imu !== body && drawFoot(strokes, figure, imu, reach, paints)) feet.push(imu.site);
-      }
-    }
-    this.shown = { planeZ, roll: lean?.roll ?? null, pitch: lean?.pitch ?? null, feet };
+  constructor(schema: Schema) {
+    this.#imus = new ImuTable(schema);
+    this.#based = schema.field('baseq') !== null;
+  }
+
+  static can(schema: Schema): boolean {
+    return new ImuTable(schema).imus.length > 0 || schema.field('baseq') !== null;
+  }
+
+  /** Roll and pitch of the body, rad; null without a reading. Null for a robot without a sensor for it. */
+  get lean(): Pick<ShownAttitude, 'roll' | 'pitch'> | null {
+    const { body } = this.#imus;
+    return body === null ? null : (leanOf(body) ?? { roll: null, pitch: null });
+  }
+
+  read({ codes }: SignFrame): void {
+    this.#imus.read(codes);
+  }
+
+  draw(picture: SignPicture): void {
+    const { body: imu, imus } = this.#imus;
+    const { body, floorM } = picture;
+    const lean = imu === null ? null : leanOf(imu);
+    const planeZ = this.#based || lean !== null ? lowest(body) : null;
+    if (planeZ !== null && floorM === null) drawPlane(picture, planeZ);
+    if (imu !== null && lean !== null) drawPlumb(picture, imu, planeZ ?? 0);
+    const feet = imus.filter((one) => one !== imu && drawFoot(picture, one)).map(({ site }) => site);
+    this.drawn = { planeZ, roll: lean?.roll ?? null, pitch: lean?.pitch ?? null, feet };
   }
 }
 
-function drawPlane(
-  strokes: Strokes,
-  figure: PosedBody,
-  z: number,
-  reach: number,
-  { plane, rim }: AttitudePaints,
-): void {
-  const [x, y] = originOf(figure.root.matrixWorld.elements);
+function paintOf({ frame, colors }: SignPicture, opacity = 1, through = true): Paint {
+  return { color: frame.live ? colors.level : colors.stale, opacity, through };
+}
+
+/** The paint of thin lines that close a shape; fainter beside the signs of balance. */
+function rimOf(picture: SignPicture): Paint {
+  return paintOf(picture, picture.floorM === null ? 0.8 : 0.25, false);
+}
+
+/** Not beside the signs of balance: the plane would look like the support. */
+function drawPlane(picture: SignPicture, z: number): void {
+  const { strokes, body, reach } = picture;
+  const rim = rimOf(picture);
+  const [x, y] = originOf(body.root.matrixWorld.elements);
   const at: Vec3 = [x, y, z + LIFT * reach];
-  strokes.fan(at, WORLD_UP, WORLD_X, 2 * Math.PI, 0, PLANE * reach, plane);
+  strokes.fan(at, WORLD_UP, WORLD_X, 2 * Math.PI, 0, PLANE * reach, paintOf(picture, 0.07, false));
   strokes.arc(at, WORLD_UP, WORLD_X, 2 * Math.PI, PLANE * reach, 0.003 * reach, rim);
   for (let quarter = 0; quarter < 4; quarter += 1) {
     const along = rotateAbout(WORLD_UP, (quarter * Math.PI) / 2, WORLD_X);
@@ -104,20 +116,16 @@ function drawPlane(
   }
 }
 
-/** Draws a line from the body's IMU straight down to the plane, and the body's up axis beside the world's. */
-function drawPlumb(
-  strokes: Strokes,
-  figure: PosedBody,
-  imu: Imu,
-  planeZ: number,
-  reach: number,
-  { gravity, faint, lean, ground }: AttitudePaints,
-): void {
-  const worldFromLink = linkOf(figure, imu);
+/** Draws a line from the body's IMU straight down to the plane, and the body's up axis beside the world's. The signs of balance
+ *  have their own plumb line. */
+function drawPlumb(picture: SignPicture, imu: Imu, planeZ: number): void {
+  const { strokes, body, reach, floorM } = picture;
+  const [gravity, faint] = [paintOf(picture), paintOf(picture, 0.55)];
+  const worldFromLink = linkOf(body, imu);
   if (worldFromLink === undefined) return;
   const at = pointThrough(worldFromLink, imu.xyz);
   const thin = 0.005 * reach;
-  if (ground) {
+  if (floorM === null) {
     const down = at[2] - planeZ;
     const arrow = Math.min(GRAVITY * reach, Math.max(0, down));
     const head = Math.min(arrow, 0.06 * reach);
@@ -134,19 +142,15 @@ function drawPlumb(
   if (angle < LEAST_LEAN) return;
   strokes.shaft(at, own, UP * reach, thin, thin * 0.6, gravity);
   strokes.shaft(at, WORLD_UP, UP * reach, thin * 0.5, thin * 0.5, faint);
-  strokes.fan(at, normalize(cross(WORLD_UP, own)), WORLD_UP, angle, 0, UP * reach, lean);
+  strokes.fan(at, normalize(cross(WORLD_UP, own)), WORLD_UP, angle, 0, UP * reach, paintOf(picture, 0.3));
 }
 
 /** Draws a ring tilted by the orientation that the foot's own IMU reports; if the reading is right, it is parallel to the
  *  sole. */
-function drawFoot(
-  strokes: Strokes,
-  figure: PosedBody,
-  imu: Imu,
-  reach: number,
-  { rim }: AttitudePaints,
-): boolean {
-  const worldFromLink = linkOf(figure, imu);
+function drawFoot(picture: SignPicture, imu: Imu): boolean {
+  const { strokes, body, reach } = picture;
+  const rim = rimOf(picture);
+  const worldFromLink = linkOf(body, imu);
   if (worldFromLink === undefined || imu.worldFromSensor === null || imu.link === null) return false;
   const at = pointThrough(worldFromLink, imu.xyz);
   const [w, , , z] = quatOfTransform(worldFromLink);
@@ -159,15 +163,91 @@ function drawFoot(
   return true;
 }
 
-function linkOf(figure: PosedBody, { link }: Imu): Transform | undefined {
-  return (link === null ? figure.root.matrixWorld : figure.linkMatrix(link))?.elements;
+function linkOf(body: PosedBody, { link }: Imu): Transform | undefined {
+  return (link === null ? body.root.matrixWorld : body.linkMatrix(link))?.elements;
 }
 
 /** The lowest z of the robot's boxes, m; of its link origins if it has no boxes. */
-function lowest(figure: PosedBody): number {
+function lowest(body: PosedBody): number {
   let low = Number.POSITIVE_INFINITY;
-  for (const [link, box] of figure.boxes) low = Math.min(low, lowestZ(box, link.matrixWorld.elements));
+  for (const [link, box] of body.boxes) low = Math.min(low, lowestZ(box, link.matrixWorld.elements));
   if (Number.isFinite(low)) return low;
-  for (const name of figure.linkNames) low = Math.min(low, figure.linkMatrix(name)!.elements[14]!);
+  for (const name of body.linkNames) low = Math.min(low, body.linkMatrix(name)!.elements[14]!);
   return Number.isFinite(low) ? low : 0;
+}
+
+const SVG = 'http://www.w3.org/2000/svg';
+/** The lean (rad) at which the bubble of the spirit level reaches the rim. */
+const FULL_RAD = 0.35;
+const RIM = 11;
+
+/** Shows roll and pitch as numbers and as the bubble of a spirit level, in the host's element for them. */
+export class AttitudeReadout {
+  /** The element in the host; hidden without a reading. */
+  readonly root = document.createElement('div');
+  readonly #bubble = document.createElementNS(SVG, 'circle');
+  readonly #roll = document.createTextNode('');
+  readonly #pitch = document.createTextNode('');
+
+  constructor(host: HTMLElement) {
+    this.root.className = 'stage-level';
+    this.root.dataset.testid = 'level';
+    this.root.dataset.explains = 'signs.plumb signs.disc';
+    this.root.hidden = true;
+    const glass = document.createElementNS(SVG, 'svg');
+    glass.setAttribute('viewBox', '-17 -17 34 34');
+    glass.setAttribute('aria-hidden', 'true');
+    for (const r of [16, 5]) {
+      const ring = document.createElementNS(SVG, 'circle');
+      ring.setAttribute('r', String(r));
+      ring.setAttribute('class', 'glass');
+      glass.append(ring);
+    }
+    this.#bubble.setAttribute('r', '4.5');
+    this.#bubble.setAttribute('class', 'bubble');
+    glass.append(this.#bubble);
+    const list = document.createElement('dl');
+    for (const [name, text] of [
+      ['roll', this.#roll],
+      ['pitch', this.#pitch],
+    ] as const) {
+      const term = document.createElement('dt');
+      term.textContent = name;
+      const value = document.createElement('dd');
+      value.append(text);
+      list.append(term, value);
+    }
+    this.root.append(glass, list);
+    host.append(this.root);
+  }
+
+  /** Shows a lean, or that there is no reading now; null hides the readout (the robot has no such sensor). */
+  show(lean: Attitude['lean'], angle: AngleUnit, live: boolean): void {
+    this.root.hidden = lean === null;
+    if (lean === null) return;
+    const { roll, pitch } = lean;
+    this.root.dataset.old = String(!live);
+    const display = displayOf('rad', angle);
+    const unit = angle === 'deg' ? '°' : ' rad';
+    const said = (value: number | null) => formatNumber(value, display) + (value === null ? '' : unit);
+    for (const [text, value] of [
+      [this.#roll, roll],
+      [this.#pitch, pitch],
+    ] as const) {
+      const words = said(value);
+      if (text.data !== words) text.data = words;
+    }
+    // A bubble moves to the high side: to the left if the robot leans right, back if it leans forward.
+    const way = Math.hypot(roll ?? 0, pitch ?? 0);
+    const part = way === 0 ? 0 : (Math.min(1, way / FULL_RAD) * RIM) / way;
+    this.#bubble.setAttribute(
+      'transform',
+      `translate(${(-(roll ?? 0) * part).toFixed(1)} ${((pitch ?? 0) * part).toFixed(1)})`,
+    );
+    this.#bubble.setAttribute('visibility', roll === null ? 'hidden' : 'visible');
+  }
+
+  dispose(): void {
+    this.root.remove();
+  }
 }

@@ -1,21 +1,37 @@
-import type { Ground, Level } from '@posecast/wire';
+import type { Ground, Level, Schema } from '@posecast/wire';
+import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import type { PosedBody } from '../../model/posed_body.ts';
-import type { Vec2 } from '../../twin/balance/balance.ts';
-
-import type { AngleUnit } from '../../twin/format.ts';
-import type { BalanceReadings } from '../../twin/overlay/reader.ts';
-import type { Pose } from '../../twin/playback/pose.ts';
+import type { Balance, Vec2 } from '../../twin/balance/balance.ts';
+import { limitsBy, type MarginLimits, marginLimits, StanceJudge } from '../../twin/balance/stance.ts';
+import type { Threshold } from '../../twin/limits.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
-import type { OverlayColors, PaletteName } from './colors.ts';
-import type { FacetNumbers } from './facet_numbers.ts';
-import type { OverlayLabel } from './labels.ts';
+import {
+  drawCapture,
+  drawMass,
+  drawMassFoot,
+  drawPressure,
+  drawSupport,
+  type MarginLine,
+  marginLine,
+} from './balance_marks.ts';
+import { paintsOf } from './balance_shapes.ts';
+import { Footprints } from './footprints.ts';
+import { drawJointLimits, type ShownJoint } from './joint_arc.ts';
+import type { SignFrame, SignLabel, SignPicture } from './sign.ts';
+import type { Facets } from './strokes.ts';
 
-/** A joint whose limits are drawn. */
-export interface ShownJoint {
-  readonly joint: string;
-  /** Distance to the nearer limit, rad or m; negative beyond it. */
-  readonly left: number;
-  readonly slides: boolean;
+/** What the signs of balance need in addition to the displayed pose. */
+export interface BalanceReadings {
+  readonly schema: Schema;
+  readonly choice: 'auto' | 'on';
+  /** Limits of the margin, mm; null for none. */
+  readonly limits: Threshold | null;
+  /** URDF joints whose limits are drawn. */
+  readonly joints: readonly string[];
+  /** Whether the robot reports its position in the world, and is shown there. */
+  readonly anchored: boolean;
+  /** At rest in the past: the states that led up to the displayed one, at `tS`; otherwise null. */
+  readonly lead: { readonly states: NonNullable<SignFrame['lead']>; readonly tS: number } | null;
 }
 
 /** The balance signs shown now, for tests and the debug interface. Lengths are metres in the world. */
@@ -42,37 +58,107 @@ export interface ShownBalance {
   readonly joints: readonly ShownJoint[];
 }
 
-/** Style of the balance signs. */
-export interface BalanceStyle {
-  /** The robot's radius, m. */
-  readonly reach: number;
-  readonly tones: OverlayColors;
-  readonly palette: PaletteName;
-  readonly angle: AngleUnit;
-  /** false: the pose is out of date, and everything is grey. */
-  readonly live: boolean;
-}
+/** Height of the signs above the floor, in radii of the robot. */
+const LIFT = 0.006;
 
-/** Draws the balance of one robot. */
-export interface BalanceDrawing {
+/** The balance signs of one robot, for the displayed pose. */
+export class BalanceDrawing {
   /** null while there is nothing to show. */
-  readonly shown: ShownBalance | null;
-  /** Adds its facets for a body in the displayed pose. */
-  draw(body: PosedBody | null, pose: Pose | null, readings: BalanceReadings, style: BalanceStyle): void;
-  /** The labels for the newest `draw`. */
-  labels(): OverlayLabel[];
+  shown: ShownBalance | null = null;
+  labels: readonly SignLabel[] = [];
+  #reader: BalanceReader | null = null;
+  /** The same judge as for the page's text, so that both show the same level. */
+  #judge = new StanceJudge();
+  #limits: MarginLimits = marginLimits(null);
+  #left = new Footprints();
+  /** The states that led up to the pose at rest, once processed. */
+  #led: unknown = null;
+
+  draw(picture: SignPicture, facets: Facets, readings: BalanceReadings): void {
+    const { body, pose, reach } = picture;
+    this.shown = null;
+    this.labels = [];
+    if (pose === null) return;
+    const tS = pose.tS ?? 0;
+    const reader = this.#readerOf(body, readings, tS, reach);
+    if (readings.choice === 'auto' && !reader.onByItself) return;
+    const balance = reader.ofBody(body, reader.wrenchesOf(pose.wrenches ?? []), tS, pose);
+    this.#left.take(balance, tS, readings.anchored, reach);
+    const level = this.#levelOf(readings, balance);
+    const paints = paintsOf(picture, level);
+    const { elements } = body.root.matrixWorld;
+    const heading = Math.atan2(elements[1]!, elements[0]!);
+    const ahead: Vec3 = [Math.cos(heading), Math.sin(heading), 0];
+    const { centreOfMass, capturePoint, floorM } = balance;
+    const lift = LIFT * reach;
+    const z = (floorM ?? 0) + lift;
+    const foot: Vec3 | null =
+      centreOfMass === null || floorM === null ? null : [centreOfMass[0], centreOfMass[1], z];
+    const margin = marginLine(balance, z);
+    const labels: SignLabel[] = [];
+    if (floorM !== null) {
+      this.#left.draw(facets, z, reach, paints);
+      const sign = drawSupport(facets, balance, margin, level, z, reach, paints);
+      if (margin !== null) labels.push(marginLabel(margin, sign, balance, level));
+      drawPressure(facets, balance, z, lift, reach, paints);
+    }
+    if (foot !== null) {
+      if (capturePoint !== null) drawCapture(facets, foot, capturePoint, ahead, reach, paints);
+      drawMassFoot(facets, foot, ahead, reach, paints);
+    }
+    const joints = drawJointLimits(facets, picture, readings.joints, paints);
+    if (centreOfMass !== null) drawMass(facets, centreOfMass, foot, ahead, reach, paints);
+    this.labels = [...labels, ...joints.map(({ label }) => label)];
+    this.shown = {
+      ...balance, // a copy, because the balance is overwritten with the next pose
+      feet: balance.feet.map((foot) => ({ ...foot })),
+      ...{ level, footprints: this.#left.prints, trace: this.#left.points },
+      joints: joints.map(({ shown }) => shown),
+    };
+  }
+
+  /** The reader for the pose at `tS`. At rest in the past, it is a reader that has processed the states leading up to that pose.
+   *  The signs are then the same as if the moment had been played to, and match the level in the text, which uses the same
+   *  states. */
+  #readerOf({ manifest }: PosedBody, readings: BalanceReadings, tS: number, reach: number): BalanceReader {
+    const { schema, lead, anchored } = readings;
+    const isOther = this.#reader?.manifest !== manifest || this.#reader.schema !== schema;
+    const isLed = lead?.tS === tS && lead.states !== this.#led;
+    if (isOther || isLed) {
+      this.#reader = new BalanceReader(manifest, schema);
+      this.#judge = new StanceJudge();
+      this.#left = new Footprints();
+    }
+    const reader = this.#reader!;
+    if (isLed) {
+      this.#led = lead.states;
+      for (const { codes, tS } of lead.states) {
+        const balance = reader.ofFrame(codes, tS);
+        this.#left.take(balance, tS, anchored, reach);
+        this.#levelOf(readings, balance);
+      }
+    }
+    return reader;
+  }
+
+  #levelOf({ limits }: BalanceReadings, balance: Balance): Level {
+    if (limits === null) this.#limits = marginLimits(null);
+    else if (limits !== this.#limits.threshold) this.#limits = limitsBy(limits, 'profile');
+    return this.#judge.next(balance, 0, this.#limits)?.level ?? 'ok';
+  }
 }
 
-/** The balance of all robots in one picture. */
-export interface BalancePicture {
-  readonly facets: FacetNumbers;
-  /** Starts a new picture. */
-  begin(): void;
-  /** Completes the picture. False if it equals the previous one. */
-  end(): boolean;
-  /** Creates the object that draws the balance of one robot. */
-  addRobot(): BalanceDrawing;
+function marginLabel(
+  { foot, edge }: MarginLine,
+  sign: Vec3 | undefined,
+  { marginM, polygon }: Balance,
+  level: Level,
+): SignLabel {
+  const mm = Math.round(marginM! * 1000);
+  const text = `${mm} mm`.replace('-', '−');
+  const corners = polygon.map(([x, y]): Vec3 => [x, y, edge[2]]);
+  const outline = corners.map((from, i) => [from, corners[(i + 1) % corners.length]!] as const);
+  const lines: SignLabel['lines'] = [[foot, edge], [edge, sign ?? edge], ...outline];
+  const explain = ['balance.margin', 'balance.levels'];
+  return { key: 'margin', text, level, at: edge, middle: foot, lines, explain };
 }
-
-/** The code that draws balance is loaded on demand and passed to the overlay. */
-export type MakeBalance = () => BalancePicture;

@@ -57,21 +57,5 @@ export function levelColor(tones: OverlayColors, palette: PaletteName, level: Le
   return { ok: tones.live, caution: tones.caution, fault: tones.fault }[level];
 }
 
-/** Load colours from rest to limit, sRGB, also ordered from bright to dark, so that colour-blind people see the order. */
-const RAMP = [0xcfd8e6, 0xd9cfa8, 0xe8bf57, 0xdd8b26, 0xb4531a] as const;
-/** Colour of a link without a load reading. */
-export const NO_LOAD = 0x7f8894;
-
-/** The colour (sRGB 0xrrggbb) of a load: 0 at rest … 1 at the limit. */
-export function loadColor(part: number): number {
-  const at = Math.min(1, Math.max(0, part)) * (RAMP.length - 1);
-  const low = Math.min(RAMP.length - 2, Math.floor(at));
-  const mix = (shift: number) => {
-    const [a, b] = [(RAMP[low]! >> shift) & 255, (RAMP[low + 1]! >> shift) & 255];
-    return Math.round(a + (b - a) * (at - low)) << shift;
-  };
-  return mix(16) | mix(8) | mix(0);
-}
-
 /** The tint of a link whose joint has no reading: grey and hatched, like everything out of date. */
 export const UNREAD: LinkTint = { color: 0x8f99a8, hatched: true };

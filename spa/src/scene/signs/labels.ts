@@ -1,7 +1,7 @@
-import type { Level } from '@posecast/wire';
 import { type Line, noteLines } from '../../browser/drawn_lines.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import { type Box, type LabelBox, LabelLayout, type LabelRoom } from './label_layout.ts';
+import type { SignLabel } from './sign.ts';
 
 /** Maximum number of labels, so that a robot with 200 deviating joints does not fill the picture with text. */
 export const MOST_LABELS = 16;
@@ -15,21 +15,11 @@ const LOOK_EVERY_MS = 500;
 /** Projects a point of the world to the picture, CSS px; null behind the camera. */
 export type LabelPlace = (at: Vec3) => { x: number; y: number } | null;
 
-export interface OverlayLabel {
-  /** Identifies the same label in consecutive pictures. */
-  readonly key: string;
-  readonly text: string;
-  readonly level: Level;
-  /** Shown without emphasis, because it is no fault: a joint that is compliant on purpose, or has no reading. */
-  readonly quiet: boolean;
+/** A label of one robot among all of a picture. */
+export interface OverlayLabel extends SignLabel {
+  readonly middle: Vec3;
   /** Shown in grey, like its strokes: the pose is out of date. */
   readonly old: boolean;
-  /** The anchor (world, metres). */
-  readonly at: Vec3;
-  /** The middle of its robot (world, metres). The label is placed on the outer side of its anchor. */
-  readonly middle: Vec3;
-  /** The lines drawn for it, which must not be covered (world, metres). */
-  readonly lines: readonly (readonly [Vec3, Vec3])[];
 }
 
 interface LabelElement {
@@ -74,7 +64,7 @@ export class OverlayLabels {
       this.#elements.delete(key);
     }
     for (const label of shown) {
-      const { key, text, level, quiet, old } = label;
+      const { key, text, level, quiet = false, old, explain } = label;
       const element = this.#elements.get(key) ?? this.#make(key);
       if (element.text.data !== text) element.text.data = text;
       const { dataset } = element.root;
@@ -84,6 +74,8 @@ export class OverlayLabels {
       }
       if (dataset.quiet !== String(quiet)) dataset.quiet = String(quiet);
       if (dataset.old !== String(old)) dataset.old = String(old);
+      const explains = explain.join(' ');
+      if (dataset.explains !== explains) dataset.explains = explains;
       element.label = label;
     }
   }
@@ -120,7 +112,7 @@ export class OverlayLabels {
         element.root.style.transform = at;
         element.root.hidden = found === undefined;
       }
-      lead(element, found?.leader ?? null);
+      drawLeader(element, found?.leader ?? null);
     }
   }
 
@@ -177,7 +169,7 @@ function measured(element: LabelElement): { readonly wide: number; readonly high
 }
 
 /** Shows the line from a label to its point, or none. */
-function lead(element: LabelElement, leader: Line | null): void {
+function drawLeader(element: LabelElement, leader: Line | null): void {
   let leads = '';
   if (leader !== null) {
     const [from, to] = leader;

@@ -1,14 +1,15 @@
-import type { PosedBody } from '../../model/posed_body.ts';
-import type { OverlayReadings } from '../../twin/overlay/reader.ts';
+import type { Level } from '@posecast/wire';
+import { expandByBox, extentOf } from '../../model/bounds.ts';
+import type { LinkTint, PosedBody } from '../../model/posed_body.ts';
+import { originOf } from '../../model/vectors.ts';
 import type { Pose } from '../../twin/playback/pose.ts';
-import { AttitudeReadout } from './attitude_readout.ts';
-import type { BalancePicture } from './balance_drawing.ts';
+import { Attitude, AttitudeReadout } from './attitude.ts';
 import type { OverlayColors } from './colors.ts';
-import type { FacetNumbers } from './facet_numbers.ts';
 import type { LabelRoom } from './label_layout.ts';
-import { type LabelPlace, OverlayLabels } from './labels.ts';
-import { type OverlayStyle, RANK, RobotOverlay, type ShownOverlay } from './robot_overlay.ts';
-import { Strokes } from './strokes.ts';
+import { type LabelPlace, type OverlayLabel, OverlayLabels } from './labels.ts';
+import type { SignPicture } from './sign.ts';
+import type { RobotSigns } from './signs.ts';
+import { Facets, Strokes } from './strokes.ts';
 
 /** A robot in the picture whose overlay is drawn. */
 export interface OverlayBearer {
@@ -18,38 +19,52 @@ export interface OverlayBearer {
   readonly pose?: Pose | null;
 }
 
+/** Sort order of levels: the most important first. */
+const RANK: Readonly<Record<Level, number>> = { fault: 0, caution: 1, ok: 2 };
+
+const NO_TINTS: ReadonlyMap<string, LinkTint> = new Map();
+
+/** What the overlay keeps about one robot. */
+interface Drawn {
+  signs: RobotSigns;
+  body: PosedBody | null;
+  /** The robot's radius, m. Measured once, so that arrows don't change size with the pose. */
+  reach: number | null;
+  /** The links of `body` that have another colour than their own. */
+  tints: ReadonlyMap<string, LinkTint>;
+}
+
 /**
  * The overlay of all robots of one picture, independent of the renderer: strokes and facets for the canvas and labels over it. It
  * is rebuilt only in `make`, so that six moving robots cost one rebuild per picture.
  */
 export class Overlay {
   readonly strokes = new Strokes();
-  #balance: BalancePicture | null = null;
+  readonly facets: Facets | null;
   readonly #labels: OverlayLabels;
   readonly #readout: AttitudeReadout;
-  readonly #signs = new Map<OverlayBearer, RobotOverlay>();
-  #tones: OverlayColors;
+  readonly #robots = new Map<OverlayBearer, Drawn>();
+  #colors: OverlayColors;
   #old = true;
 
-  constructor(host: HTMLElement, tones: OverlayColors) {
+  /** `facets`: whether the renderer draws facets. */
+  constructor(host: HTMLElement, colors: OverlayColors, facets: boolean) {
     this.#readout = new AttitudeReadout(host.parentElement ?? host);
     this.#labels = new OverlayLabels(host, this.#readout.root);
-    this.#tones = tones;
+    this.#colors = colors;
+    this.facets = facets ? new Facets() : null;
   }
 
-  /** null until something is drawn with facets. */
-  get facets(): FacetNumbers | null {
-    return this.#balance?.facets ?? null;
+  /** What a robot's signs have drawn, by key. */
+  drawn(of: OverlayBearer): Readonly<Record<string, unknown>> {
+    return this.#robots.get(of)?.signs.drawn ?? {};
   }
 
-  shown(of: OverlayBearer): ShownOverlay {
-    return this.#of(of).shown;
-  }
-
-  /** Takes a robot's newest readings and their style. */
-  show(of: OverlayBearer, readings: OverlayReadings | null, manner?: OverlayStyle): void {
-    if (readings?.balance && manner?.balance) this.#balance ??= manner.balance();
-    this.#of(of).take(readings, manner, this.#balance);
+  /** Takes a robot's signs whenever they have read a frame. */
+  show(of: OverlayBearer, signs: RobotSigns): void {
+    const known = this.#robots.get(of);
+    if (known === undefined) this.#robots.set(of, { signs, body: null, reach: null, tints: NO_TINTS });
+    else known.signs = signs;
     this.#old = true;
   }
 
@@ -60,19 +75,19 @@ export class Overlay {
 
   /** Measures the robots' sizes again, for example after more of their meshes have loaded. */
   measure(): void {
-    for (const signs of this.#signs.values()) signs.measure();
+    for (const robot of this.#robots.values()) robot.reach = null;
     this.#old = true;
   }
 
-  setTones(tones: OverlayColors): void {
-    this.#tones = tones;
+  setColors(colors: OverlayColors): void {
+    this.#colors = colors;
     this.#old = true;
   }
 
   /** Advances the easing of arrows. True while it continues. */
   advance(seconds: number): boolean {
     let moving = false;
-    for (const signs of this.#signs.values()) moving = signs.advance(seconds) || moving;
+    for (const { signs } of this.#robots.values()) moving = signs.advance(seconds) || moving;
     this.#old ||= moving;
     return moving;
   }
@@ -81,25 +96,22 @@ export class Overlay {
   make(): boolean {
     if (!this.#old) return false;
     this.#old = false;
-    const all = [...this.#signs.values()];
     this.strokes.begin();
-    this.#balance?.begin();
-    let repainted = false;
-    for (const [bearer, signs] of this.#signs) {
-      const { figure, pose = null } = bearer;
-      repainted = signs.draw(this.strokes, figure, pose, this.#tones) || repainted;
-    }
-    const filled = this.#balance?.end() ?? false;
-    const changed = this.strokes.end() || filled;
-    const labels = all.flatMap((signs, i) =>
-      all.length === 1
-        ? signs.labels()
-        : signs.labels().map((label) => ({ ...label, key: `${i}-${label.key}` })),
-    );
+    this.facets?.begin();
+    const [...robots] = this.#robots;
+    let isPainted = false;
+    const labels = robots.flatMap(([bearer, robot], i) => {
+      const [found, painted] = this.#draw(bearer, robot);
+      isPainted ||= painted;
+      return robots.length === 1 ? found : found.map((label) => ({ ...label, key: `${i}-${label.key}` }));
+    });
+    const isFilled = this.facets?.end() ?? false;
+    const isStroked = this.strokes.end();
     this.#labels.set(labels.sort((a, b) => RANK[a.level] - RANK[b.level]));
-    const alone = all.length === 1 ? all[0]! : null; // several robots have no common lean
-    this.#readout.show(alone?.lean ?? null);
-    return changed || repainted;
+    const alone = robots.length === 1 ? robots[0]![1].signs : null; // several robots have no common lean
+    const { settings, live } = alone?.frame ?? {};
+    this.#readout.show(alone?.of(Attitude)?.lean ?? null, settings?.angle ?? 'rad', live ?? false);
+    return isStroked || isFilled || isPainted;
   }
 
   /** Places the labels in a picture. */
@@ -112,12 +124,64 @@ export class Overlay {
     this.#readout.dispose();
   }
 
-  #of(bearer: OverlayBearer): RobotOverlay {
-    let signs = this.#signs.get(bearer);
-    if (signs === undefined) {
-      signs = new RobotOverlay();
-      this.#signs.set(bearer, signs);
+  /** Draws the signs of one robot. Returns their labels, and whether the colours of its body have changed. */
+  #draw(
+    { figure: body, pose = null }: OverlayBearer,
+    robot: Drawn,
+  ): [labels: OverlayLabel[], painted: boolean] {
+    const { frame } = robot.signs;
+    if (body !== robot.body) {
+      robot.body = body;
+      robot.reach = null;
+      robot.tints = NO_TINTS;
     }
-    return signs;
+    if (body === null) return [[], false];
+    const tints = new Map<string, LinkTint>();
+    const labels: OverlayLabel[] = [];
+    if (frame !== null) {
+      robot.reach ??= reachOf(body);
+      const picture: SignPicture = {
+        ...{ frame, body, pose, tints, reach: robot.reach, colors: this.#colors },
+        ...{ strokes: this.strokes, facets: this.facets, feet: [], floorM: null },
+        middle: originOf(body.root.matrixWorld.elements),
+      };
+      robot.signs.draw(picture);
+      const { middle } = picture;
+      for (const label of robot.signs.labels(picture)) labels.push({ middle, old: !frame.live, ...label });
+    }
+    const painted = paint(body, robot.tints, tints);
+    robot.tints = tints;
+    return [labels, painted];
   }
+}
+
+/** Replaces the tints of a body. True if that changes any. */
+function paint(
+  body: PosedBody,
+  before: ReadonlyMap<string, LinkTint>,
+  now: ReadonlyMap<string, LinkTint>,
+): boolean {
+  let changed = false;
+  for (const link of new Set([...before.keys(), ...now.keys()])) {
+    const [old, tint = null] = [before.get(link), now.get(link)];
+    if (old?.color === tint?.color && old?.hatched === tint?.hatched) continue;
+    body.setTint(link, tint);
+    changed = true;
+  }
+  return changed;
+}
+
+/** The radius of a robot's bounding box, m. */
+function reachOf(body: PosedBody): number {
+  const min: [number, number, number] = [Infinity, Infinity, Infinity];
+  const max: [number, number, number] = [-Infinity, -Infinity, -Infinity];
+  for (const [link, box] of body.boxes) expandByBox(min, max, box, link.matrixWorld.elements, 0);
+  for (const name of body.linkNames) {
+    const { elements } = body.linkMatrix(name)!;
+    for (let axis = 0; axis < 3; axis += 1) {
+      min[axis] = Math.min(min[axis]!, elements[12 + axis]!);
+      max[axis] = Math.max(max[axis]!, elements[12 + axis]!);
+    }
+  }
+  return extentOf(min, max).radius;
 }

@@ -1,12 +1,26 @@
+import type { Object3D } from 'three';
 import { BundleError, isPassing } from '../../model/bundle.ts';
 import { lodBytes } from '../../model/files.ts';
 import { type Lod, readLod } from '../../model/lod.ts';
 import type { LodFile, Manifest } from '../../model/manifest.ts';
 import type { ModelReport } from '../../model/report.ts';
-import type { Stage } from './figure.ts';
 import type { SkinTones } from './skin.ts';
 import { SkinnedRobot } from './skinned_robot.ts';
 import type { StaleEffect } from './stale_effect.ts';
+
+/** What a model's loader needs from the scene. */
+export interface Stage {
+  /** Aborted when another model replaces this one. */
+  readonly signal: AbortSignal;
+  /** Shows a new figure, with a skeleton until `skinned` is called. */
+  show(robot: SkinnedRobot): void;
+  /** The figure now has meshes: the skeleton is removed. */
+  skinned(): void;
+  /** Part of the figure is new: it must be placed and drawn again. */
+  changed(): void;
+  /** Creates a mark for a mesh that can't be shown. */
+  placeholder(): Object3D;
+}
 
 type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 

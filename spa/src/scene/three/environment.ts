@@ -6,7 +6,6 @@ import {
   Float32BufferAttribute,
   Group,
   HemisphereLight,
-  type Matrix4,
   Mesh,
   MeshBasicMaterial,
   PlaneGeometry,
@@ -17,8 +16,8 @@ import {
   Vector4,
 } from 'three';
 import { type LinkBox, lowestZ } from '../../model/bounds.ts';
+import type { PlacedBox } from '../../model/posed_body.ts';
 import { fadeOf } from '../camera/framing.ts';
-import type { Figure } from './figure.ts';
 import type { SceneTheme } from './theme.ts';
 
 /** Most links with a contact shadow at a time: two feet, or hands, knees and feet of a crawling robot. */
@@ -38,10 +37,7 @@ export class ContactShadow {
   readonly size = Array.from({ length: MOST_CONTACTS }, () => new Vector4());
 
   /** Computes the contacts from the links' boxes. `reach`: the robot's radius, m. */
-  follow(
-    boxes: Iterable<readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox]>,
-    reach: number,
-  ): void {
+  follow(boxes: Iterable<PlacedBox>, reach: number): void {
     const near: { z: number; m: ArrayLike<number>; box: LinkBox }[] = [];
     for (const [{ matrixWorld }, box] of boxes) {
       const z = Math.max(0, lowestZ(box, matrixWorld.elements));
@@ -151,7 +147,7 @@ export class Environment {
   }
 
   /** Updates the contact shadows where links are close to the floor. */
-  touch(boxes: Figure['boxes']): void {
+  touch(boxes: Iterable<PlacedBox>): void {
     this.#contacts.follow(boxes, this.#reach);
   }
 

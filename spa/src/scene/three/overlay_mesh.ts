@@ -8,9 +8,7 @@ import {
   Mesh,
   ShaderMaterial,
 } from 'three';
-import type { FacetNumbers } from '../signs/facet_numbers.ts';
-import type { DrawnNumbers } from '../signs/picture_numbers.ts';
-import { AT, type Strokes } from '../signs/strokes.ts';
+import { AT, type DrawnNumbers, FACET_AT, type Facets, type Strokes } from '../signs/strokes.ts';
 
 /** An attribute's offset among the numbers of a row, and its length. */
 type Attributes = Readonly<Record<string, readonly [at: number, size: number]>>;
@@ -75,8 +73,8 @@ const FACET_THROUGH = 0.88;
 /** Draws all facets in two instanced draw calls, as `OverlayMesh` draws strokes: with depth test, then those marked "through" in
  *  front of everything. They write no depth, so each is drawn over the previous ones. */
 export class FacetMesh extends NumbersMesh {
-  constructor(facets: FacetNumbers) {
-    const { first, second, third, tint, through } = facets.at;
+  constructor(facets: Facets) {
+    const { first, second, third, tint, through } = FACET_AT;
     super(
       facets,
       facetGeometry(),

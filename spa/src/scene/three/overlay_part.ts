@@ -1,11 +1,10 @@
 import { type Camera, Group, Vector3 } from 'three';
-import type { OverlayReadings } from '../../twin/overlay/reader.ts';
+import type { Moving } from '../figure/render_loop.ts';
 import type { LabelRoom } from '../signs/label_layout.ts';
 import { Overlay } from '../signs/overlay.ts';
-import type { OverlayStyle, ShownOverlay } from '../signs/robot_overlay.ts';
+import type { RobotSigns } from '../signs/signs.ts';
 import { FacetMesh, OverlayMesh } from './overlay_mesh.ts';
 import type { RobotNode } from './robot_node.ts';
-import type { ScenePart } from './scene_part.ts';
 import { type SceneTheme, THEMES } from './theme.ts';
 
 /** What the overlay needs from its scene. */
@@ -21,7 +20,7 @@ export interface OverlayHost {
 }
 
 /** The overlay of all robots in a scene, in two draw calls and two more for filled areas, with its labels over the canvas. */
-export class OverlayPart implements ScenePart {
+export class OverlayPart implements Moving {
   readonly object = new Group();
   readonly #view: OverlayHost;
   readonly #overlay: Overlay;
@@ -30,7 +29,7 @@ export class OverlayPart implements ScenePart {
 
   constructor(view: OverlayHost) {
     this.#view = view;
-    this.#overlay = new Overlay(view.host, THEMES.dark.signs);
+    this.#overlay = new Overlay(view.host, THEMES.dark.signs, true);
     this.#batch = new OverlayMesh(this.#overlay.strokes);
     this.object.add(this.#batch.object);
   }
@@ -41,17 +40,18 @@ export class OverlayPart implements ScenePart {
     return (this.#overlay.facets?.count ?? 0) > 0;
   }
 
-  shown(of: RobotNode): ShownOverlay {
+  drawn(of: RobotNode): Readonly<Record<string, unknown>> {
     if (this.#make()) this.#view.changed();
-    return this.#overlay.shown(of);
+    return this.#overlay.drawn(of);
   }
 
-  /** Takes the newest readings and their style; they are drawn in the next tick. */
-  show(of: RobotNode, readings: OverlayReadings | null, manner?: OverlayStyle): void {
-    this.#overlay.show(of, readings, manner);
+  /** Takes a robot's signs whenever they have read a frame; they are drawn in the next tick. */
+  show(of: RobotNode, signs: RobotSigns): void {
+    this.#overlay.show(of, signs);
     this.#view.wake();
   }
 
+  /** Call this when a robot has moved. */
   follow(): void {
     this.#overlay.moved();
   }
@@ -62,7 +62,7 @@ export class OverlayPart implements ScenePart {
   }
 
   setTheme({ signs }: SceneTheme): void {
-    this.#overlay.setTones(signs);
+    this.#overlay.setColors(signs);
   }
 
   advance(seconds: number): boolean {
@@ -93,7 +93,7 @@ export class OverlayPart implements ScenePart {
     if (!other) return false;
     this.#batch.update();
     const { facets } = this.#overlay;
-    if (facets !== null && this.#filled === null) {
+    if (facets !== null && facets.count > 0 && this.#filled === null) {
       this.#filled = new FacetMesh(facets);
       this.object.add(this.#filled.object);
     }

@@ -6,7 +6,7 @@ import { ownMesh } from '../../urdf/meshes/primitives.ts';
 import { readUrdf } from '../../urdf/reader.ts';
 import type { Urdf } from '../../urdf/types.ts';
 import { readXml, XmlRefused } from '../../urdf/xml.ts';
-import type { Stage } from './figure.ts';
+import type { Stage } from './built_robot.ts';
 import { MeshLoader } from './mesh_loader.ts';
 import { whyAbsent } from './placeholder.ts';
 import type { SkinTones } from './skin.ts';

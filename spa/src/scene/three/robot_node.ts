@@ -1,5 +1,4 @@
 import {
-  Box3,
   BufferAttribute,
   BufferGeometry,
   type Color,
@@ -16,11 +15,11 @@ import type { ModelReport } from '../../model/report.ts';
 import type { LocalRobot } from '../../urdf/local_robot.ts';
 import { FigureNode, type NodeHost, type OnProgress } from '../figure/figure_node.ts';
 import type { Box } from '../figure/robot_row.ts';
-import { BuiltRobot } from './built_robot.ts';
-import type { Figure, Stage } from './figure.ts';
+import { BuiltRobot, type Stage } from './built_robot.ts';
 import { Download, readRawManifest } from './raw_bundle.ts';
 import { ShadowCaster } from './shadow.ts';
 import type { SkinTones } from './skin.ts';
+import type { SkinnedRobot } from './skinned_robot.ts';
 import { StaleEffect } from './stale_effect.ts';
 import type { SceneTheme } from './theme.ts';
 
@@ -29,7 +28,7 @@ class Skeleton {
   readonly lines: LineSegments;
   readonly #ends: readonly string[];
 
-  constructor(figure: Figure, color: Color) {
+  constructor(figure: SkinnedRobot, color: Color) {
     this.#ends = [...figure.bones()].flat();
     const position = new BufferAttribute(new Float32Array(this.#ends.length * 3), 3);
     const geometry = new BufferGeometry().setAttribute('position', position);
@@ -37,7 +36,7 @@ class Skeleton {
     this.lines.frustumCulled = false; // its bounds change with every pose
   }
 
-  follow(figure: Figure): void {
+  follow(figure: SkinnedRobot): void {
     const position = this.lines.geometry.getAttribute('position');
     for (const [i, name] of this.#ends.entries()) {
       const m = figure.linkMatrix(name)?.elements;
@@ -62,7 +61,7 @@ export interface RobotNodeHost extends NodeHost {
 }
 
 /** One robot in a three.js scene: loads and draws its model, skeleton and shadow. */
-export class RobotNode extends FigureNode<Figure> {
+export class RobotNode extends FigureNode<SkinnedRobot> {
   /** Everything drawn for it. */
   readonly object = new Group();
   /** Its position beside other robots: scene_from_world of this robot's own world, metres. */
@@ -144,8 +143,7 @@ export class RobotNode extends FigureNode<Figure> {
   }
 
   box(): Box | null {
-    const box = this.figure?.bounds(BOX);
-    return box === undefined ? null : { min: box.min.toArray(), max: box.max.toArray() };
+    return this.figure?.bounds() ?? null;
   }
 
   override dispose(): void {
@@ -205,14 +203,14 @@ export class RobotNode extends FigureNode<Figure> {
     };
   }
 
-  protected override adopted(figure: Figure): void {
+  protected override adopted(figure: SkinnedRobot): void {
     this.#skeleton = new Skeleton(figure, this.#place.theme().muted);
     this.#caster = new ShadowCaster(figure.linkNames.length);
     this.#slot.add(figure.root);
     this.object.add(this.#skeleton.lines, this.#caster.blocks); // these follow the links in the scene's world
   }
 
-  protected override moved(figure: Figure): void {
+  protected override moved(figure: SkinnedRobot): void {
     this.#skeleton?.follow(figure);
     this.#caster?.follow(figure.boxes);
   }
@@ -241,5 +239,3 @@ function loadRaw() {
     throw new NotNow('the code for raw files did not come', { cause });
   });
 }
-
-const BOX = new Box3();

@@ -1,28 +1,26 @@
-import { Color, Scene } from 'three';
+import { type Camera, Color, NeutralToneMapping, Scene, VSMShadowMap, WebGLRenderer } from 'three';
 import { markOnce } from '../../browser/painting.ts';
 import { Debounce } from '../../kit.ts';
 import type { ModelReport } from '../../model/report.ts';
-import type { OverlayReadings } from '../../twin/overlay/reader.ts';
 import type { LocalRobot } from '../../urdf/local_robot.ts';
 import type { CameraRig } from '../camera/camera_rig.ts';
 import { AdaptiveQuality, type DrawingTrouble } from '../figure/adaptive_quality.ts';
-import type { SeenOverlay } from '../figure/body_view.ts';
+import type { DrawnSigns } from '../figure/body_view.ts';
 import type { NodeHost } from '../figure/figure_node.ts';
 import type { QualityStep } from '../figure/quality_steps.ts';
 import { RowStage } from '../figure/row_stage.ts';
-import type { OverlayStyle } from '../signs/robot_overlay.ts';
+import type { RobotSigns } from '../signs/signs.ts';
 import { SceneCamera } from './camera.ts';
-import { SceneCanvas } from './canvas.ts';
 import { Environment, SHADOW_PIXELS } from './environment.ts';
 import { OverlayPart } from './overlay_part.ts';
 import { Placeholders } from './placeholder.ts';
 import { RobotNode } from './robot_node.ts';
-import type { ScenePart } from './scene_part.ts';
 import { SceneRow } from './scene_row.ts';
 import { warmUp } from './shader_warm_up.ts';
 import type { SkinTones } from './skin.ts';
 import { type SceneTheme, THEMES, type ThemeName } from './theme.ts';
 
+const MAX_PIXEL_RATIO = 2;
 const PLACEHOLDER_REACHES = 0.12;
 /** After this long without motion, a picture drawn with fewer pixels is redrawn with all of them. */
 const REST_MS = 500;
@@ -36,7 +34,7 @@ export interface SceneOptions {
 }
 
 /**
- * The 3D view of one or several robots, in a world with Z up. It combines the content (`RobotNode`, `Environment`, `ScenePart`s),
+ * The 3D view of one or several robots, in a world with Z up. It combines the content (`RobotNode`, `Environment`, `OverlayPart`),
  * the camera (`SceneCamera`), the canvas (`SceneCanvas`) and the timing (`RenderLoop`).
  */
 export class RobotScene extends RowStage<RobotNode> {
@@ -49,7 +47,6 @@ export class RobotScene extends RowStage<RobotNode> {
   readonly #environment = new Environment();
   readonly #placeholders = new Placeholders();
   readonly #overlay: OverlayPart;
-  readonly #parts = new Set<ScenePart>();
   readonly #tones: SkinTones = { accent: { value: new Color() }, caution: { value: new Color() } };
   readonly #quality: AdaptiveQuality;
   readonly #onDrawn: () => void;
@@ -99,7 +96,8 @@ export class RobotScene extends RowStage<RobotNode> {
       changed: () => this.loop.request(),
       wake: () => this.loop.wake(),
     });
-    this.add(this.#overlay);
+    this.#scene.add(this.#overlay.object);
+    this.loop.add(this.#overlay);
     this.loop.onInterval = (ms) => this.#quality.recordRepaint(ms);
     this.setTheme(options.theme);
     if (this.#surface.fit()) this.loop.drawNow();
@@ -131,28 +129,6 @@ export class RobotScene extends RowStage<RobotNode> {
     return top === null ? null : { x: ((top.x + 1) / 2) * width, y: ((1 - top.y) / 2) * height };
   }
 
-  /** Adds a part to the scene. Returns a function that removes and disposes of it. */
-  add(part: ScenePart): () => void {
-    this.#parts.add(part);
-    this.#scene.add(part.object);
-    part.setTheme?.(this.#theme);
-    part.follow?.();
-    const rest = this.loop.add({ advance: (seconds, nowMs) => part.advance?.(seconds, nowMs) ?? false });
-    this.#drawShadows();
-    return () => {
-      rest();
-      this.#parts.delete(part);
-      part.object.removeFromParent();
-      part.dispose();
-      this.#drawShadows();
-    };
-  }
-
-  /** Requests a picture, because a part has changed. */
-  request(): void {
-    this.loop.request();
-  }
-
   /** Like `load`, for a robot whose files are already in this browser. */
   loadLocal(robot: LocalRobot): Promise<ModelReport> {
     return this.robot.loadLocal(robot);
@@ -168,7 +144,7 @@ export class RobotScene extends RowStage<RobotNode> {
     this.#tones.accent.value = theme.accent;
     this.#tones.caution.value = theme.caution;
     this.row.setTheme(theme);
-    for (const part of this.#parts) part.setTheme?.(theme);
+    this.#overlay.setTheme(theme);
     this.loop.request();
   }
 
@@ -189,12 +165,13 @@ export class RobotScene extends RowStage<RobotNode> {
     return this.robot.pick(this.#camera.ray(this.#surface.place(clientX, clientY)));
   }
 
-  showSigns(readings: OverlayReadings | null, manner?: OverlayStyle, of = this.robot): void {
-    this.#overlay.show(of, readings, manner);
+  override showSigns(signs: RobotSigns, of: RobotNode = this.robot): void {
+    super.showSigns(signs, of);
+    this.#overlay.show(of, signs);
   }
 
-  signsOf(robot: RobotNode): SeenOverlay {
-    return { ...this.#overlay.shown(robot), ghostLinks: robot.ghostLinks };
+  signsOf(robot: RobotNode): DrawnSigns {
+    return { ...this.#overlay.drawn(robot), ghostLinks: robot.ghostLinks };
   }
 
   /** Turns adaptive quality off and draws at full quality, for saved pictures. */
@@ -208,7 +185,7 @@ export class RobotScene extends RowStage<RobotNode> {
     this.#sharpen.cancel();
     this.#quality.dispose();
     this.#camera.dispose();
-    for (const part of this.#parts) part.dispose();
+    this.#overlay.dispose();
     this.row.dispose();
     this.#placeholders.dispose();
     this.#environment.dispose();
@@ -233,7 +210,7 @@ export class RobotScene extends RowStage<RobotNode> {
       this.#environment.touch(this.row.boxes);
       this.#environment.follow(middle.x, middle.y, this.rig.middle.flies);
     }
-    for (const part of this.#parts) part.follow?.();
+    this.#overlay.follow();
     this.#drawShadows();
   }
 
@@ -281,4 +258,108 @@ export class RobotScene extends RowStage<RobotNode> {
     this.row.keepCoarse(lowest);
     this.#drawShadows();
   }
+}
+
+/** The canvas and its WebGL renderer: handles size, pixel ratio, and the loss of the WebGL context. */
+class SceneCanvas {
+  readonly canvas: HTMLCanvasElement;
+  readonly renderer: WebGLRenderer;
+  readonly #host: HTMLElement;
+  readonly #resizes: ResizeObserver;
+  readonly #on: SceneCanvasEvents;
+  #sharpness = 1;
+
+  /** Throws an Error with a user-facing message if the browser has no WebGL 2. */
+  constructor(host: HTMLElement, on: SceneCanvasEvents) {
+    this.#host = host;
+    this.#on = on;
+    this.canvas = document.createElement('canvas');
+    const context = this.canvas.getContext('webgl2', { antialias: true, alpha: false });
+    if (context === null) throw new Error('This browser has no 3D. The table shows all readings.');
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, context });
+    this.renderer.toneMapping = NeutralToneMapping; // keeps the URDF's colours and compresses only highlights
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = VSMShadowMap;
+    this.renderer.shadowMap.autoUpdate = false; // shadows change with the pose, not with the camera
+    this.canvas.setAttribute('role', 'img');
+    this.canvas.setAttribute('aria-label', '3D view of the robot');
+    this.canvas.style.display = 'block';
+    this.canvas.style.touchAction = 'none';
+    host.append(this.canvas);
+    this.canvas.addEventListener('webglcontextlost', this.#onLost);
+    this.canvas.addEventListener('webglcontextrestored', on.restored);
+    this.#resizes = new ResizeObserver(() => {
+      if (this.fit()) this.#on.blank();
+    });
+    this.#resizes.observe(host);
+  }
+
+  get lost(): boolean {
+    return this.renderer.getContext().isContextLost();
+  }
+
+  render(scene: Scene, camera: Camera): boolean {
+    if (this.lost) return false;
+    this.renderer.render(scene, camera);
+    return true;
+  }
+
+  /** Sets the fraction (0…1) of the screen's pixels along each side at which the next pictures are drawn. */
+  set sharpness(part: number) {
+    if (part === this.#sharpness) return;
+    this.#sharpness = part;
+    this.fit();
+  }
+
+  /** Makes the canvas as large as its host, which clears it. Does nothing and returns false while the host has no size. */
+  fit(): boolean {
+    const { clientWidth, clientHeight } = this.#host;
+    if (clientWidth === 0 || clientHeight === 0) return false;
+    const ratio = Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO) * this.#sharpness;
+    this.renderer.setPixelRatio(ratio);
+    this.renderer.setSize(clientWidth, clientHeight);
+    this.#on.resized(clientWidth, clientHeight, ratio);
+    return true;
+  }
+
+  /** Disposes of a scene's GPU objects after a lost context: otherwise three.js would later delete them in the new one, with a
+   *  warning for each. */
+  forget(scene: Scene): void {
+    scene.traverse((object) => {
+      if (!('geometry' in object && 'material' in object)) return;
+      for (const held of [object.geometry, object.material].flat()) (held as { dispose(): void }).dispose();
+    });
+  }
+
+  /** Converts a point of the window (CSS pixels) to a point of the picture (x right, y up, −1…1). */
+  place(clientX: number, clientY: number): { x: number; y: number } {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    return { x: (2 * (clientX - left)) / width - 1, y: 1 - (2 * (clientY - top)) / height };
+  }
+
+  dispose(): void {
+    this.#resizes.disconnect();
+    this.canvas.removeEventListener('webglcontextlost', this.#onLost);
+    this.canvas.removeEventListener('webglcontextrestored', this.#on.restored);
+    this.renderer.dispose();
+    this.renderer.forceContextLoss(); // a page may hold few contexts; don't wait for the garbage collector
+    this.canvas.remove();
+  }
+
+  readonly #onLost = (event: Event): void => {
+    event.preventDefault(); // otherwise the browser never frees it
+    this.#on.lost();
+  };
+}
+
+/** Callbacks of a `SceneCanvas`. */
+interface SceneCanvasEvents {
+  /** The size in CSS pixels, and device pixels per CSS pixel. */
+  resized(width: number, height: number, pixelRatio: number): void;
+  /** The canvas has another size and is blank until it is drawn. */
+  blank(): void;
+  /** The WebGL context is lost, and all GPU objects with it. */
+  lost(): void;
+  /** There is a WebGL context again, without any GPU objects. */
+  restored(): void;
 }

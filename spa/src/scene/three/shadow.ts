@@ -1,5 +1,5 @@
 import { InstancedMesh, Matrix4, MeshBasicMaterial, SphereGeometry } from 'three';
-import type { LinkBox } from '../../model/bounds.ts';
+import type { PlacedBox } from '../../model/posed_body.ts';
 
 /** Exponent of the superellipsoid, between a ball (2) and a box (∞): round enough for arms, flat enough for soles. */
 const SQUARENESS = 4;
@@ -23,7 +23,7 @@ export class ShadowCaster {
   }
 
   /** Moves the blocks to the current poses of the links. */
-  follow(boxes: Iterable<readonly [link: { matrixWorld: Matrix4 }, box: LinkBox]>): void {
+  follow(boxes: Iterable<PlacedBox>): void {
     let count = 0;
     for (const [link, { min, max }] of boxes) {
       if (count === this.#capacity) break;
@@ -32,7 +32,10 @@ export class ShadowCaster {
         (max[1] - min[1]) / 2,
         (max[2] - min[2]) / 2,
       ).setPosition((max[0] + min[0]) / 2, (max[1] + min[1]) / 2, (max[2] + min[2]) / 2);
-      this.blocks.setMatrixAt(count, LINK_FROM_BLOCK.premultiply(link.matrixWorld));
+      this.blocks.setMatrixAt(
+        count,
+        LINK_FROM_BLOCK.premultiply(WORLD_FROM_LINK.fromArray(link.matrixWorld.elements)),
+      );
       count += 1;
     }
     this.blocks.count = count;
@@ -48,6 +51,7 @@ export class ShadowCaster {
 }
 
 const LINK_FROM_BLOCK = new Matrix4();
+const WORLD_FROM_LINK = new Matrix4();
 
 /** A superellipsoid that fills the cube from -1 to 1. */
 function roundedBlock(): SphereGeometry {

@@ -1,11 +1,14 @@
-import { type Box3, Matrix4, Object3D, Ray, Vector3 } from 'three';
+import { Matrix4, Object3D, Ray } from 'three';
 import { ArticulatedBody } from '../../model/articulated_body.ts';
 import { emptyBox, growBox, type LinkBox } from '../../model/bounds.ts';
+import { placeLinks } from '../../model/kinematics.ts';
 import type { Lod } from '../../model/lod.ts';
 import type { Manifest } from '../../model/manifest.ts';
 import type { LinkLook, LinkTint } from '../../model/posed_body.ts';
+import type { JointValues } from '../../twin/playback/pose.ts';
+import { IDENTITY, type Quat, type Vec3 } from '../../twin/rotation.ts';
+import type { StagedFigure } from '../figure/figure_node.ts';
 import { UNREAD } from '../signs/colors.ts';
-import type { Figure } from './figure.ts';
 import { Ghost } from './ghost.ts';
 import { pickPlaceholder, pickVisual } from './raycast.ts';
 import { Bones, Skin, type SkinTones } from './skin.ts';
@@ -13,10 +16,8 @@ import type { StaleEffect } from './stale_effect.ts';
 
 /** A robot built from a manifest. The manifest is enough to move it; it is drawn once a level of detail has been set with
  *  `wear`. */
-export class SkinnedRobot extends ArticulatedBody implements Figure {
+export class SkinnedRobot extends ArticulatedBody implements StagedFigure {
   readonly root = new Object3D();
-  readonly boxes: (readonly [link: { readonly matrixWorld: Matrix4 }, box: LinkBox])[];
-  readonly #links: readonly { readonly matrixWorld: Matrix4 }[];
   readonly #linkOfVisual: Int32Array;
   readonly #bones: Bones;
   readonly #staleEffect: StaleEffect;
@@ -35,45 +36,26 @@ export class SkinnedRobot extends ArticulatedBody implements Figure {
     this.#tones = tones;
     this.#bones = new Bones(manifest.visuals.length);
     this.#linkOfVisual = Int32Array.from(manifest.visuals, (visual) => visual.link);
-    this.#links = manifest.links.map(() => ({ matrixWorld: new Matrix4() }));
-    this.boxes = [...this.boxOfLink].map(([link, box]) => [this.#links[link]!, box] as const);
     this.root.matrixAutoUpdate = false;
-    this.#spread();
+    this.place([0, 0, 0], IDENTITY);
   }
 
-  linkMatrix(name: string): Matrix4 | undefined {
-    return this.#links[this.linkOf.get(name) ?? -1]?.matrixWorld;
-  }
-
-  override setJoints(joints: ReadonlyMap<string, number>): boolean {
+  override setJoints(joints: JointValues): boolean {
     const changed = super.setJoints(joints);
     if (changed) this.#bend();
     return changed;
   }
 
-  place(xyz: readonly [number, number, number], quat_wxyz: readonly [number, number, number, number]): void {
+  override place(xyz: Vec3, quat_wxyz: Quat): void {
     const [w, x, y, z] = quat_wxyz;
     this.root.position.set(...xyz);
     this.root.quaternion.set(x, y, z, w).normalize();
-    this.#spread();
+    this.root.updateMatrix();
+    this.root.updateMatrixWorld(true);
+    placeLinks(this.root.matrixWorld.elements, this.kinematics.rootFromLink, this.worldFromLink);
   }
 
-  ground(quat_wxyz: readonly [number, number, number, number] = UPRIGHT): void {
-    this.place([0, 0, -this.lowestPoint(quat_wxyz)], quat_wxyz);
-  }
-
-  bounds(into: Box3): Box3 {
-    into.makeEmpty();
-    for (const [{ matrixWorld }, { min, max }] of this.boxes) {
-      for (let corner = 0; corner < 8; corner += 1) {
-        POINT.set(corner & 1 ? max[0] : min[0], corner & 2 ? max[1] : min[1], corner & 4 ? max[2] : min[2]);
-        into.expandByPoint(POINT.applyMatrix4(matrixWorld));
-      }
-    }
-    for (const { matrixWorld } of this.#links) into.expandByPoint(POINT.setFromMatrixPosition(matrixWorld));
-    return into;
-  }
-
+  /** The first link that a ray (world) hits, or null. */
   pick(ray: Ray): string | null {
     ROOT_RAY.copy(ray).applyMatrix4(ROOT_FROM_WORLD.copy(this.root.matrixWorld).invert());
     const level = this.#level;
@@ -134,10 +116,10 @@ export class SkinnedRobot extends ArticulatedBody implements Figure {
   measure(link: number, { min, max }: LinkBox): void {
     const known = this.boxOfLink.get(link);
     const box = known ?? emptyBox();
-    growBox(box, [...min, ...max], IDENTITY);
+    growBox(box, [...min, ...max], SAME_FRAME);
     if (known !== undefined) return;
     this.boxOfLink.set(link, box);
-    this.boxes.push([this.#links[link]!, box]);
+    this.boxes.push([this.placed[link]!, box]);
   }
 
   /** Shows a placeholder in the link's frame instead of a missing mesh. */
@@ -183,21 +165,9 @@ export class SkinnedRobot extends ArticulatedBody implements Figure {
     if (this.#level === null) return;
     this.#bones.follow(this.kinematics.rootFromLink, this.#linkOfVisual, this.#level.linkFromMesh);
   }
-
-  /** Computes the poses of all links in the world. */
-  #spread(): void {
-    this.root.updateMatrix();
-    this.root.updateMatrixWorld(true);
-    const world = this.root.matrixWorld;
-    for (let i = 0; i < this.#links.length; i += 1) {
-      this.#links[i]!.matrixWorld.fromArray(this.kinematics.rootFromLink, i * 16).premultiply(world);
-    }
-  }
 }
 
-const UPRIGHT = [1, 0, 0, 0] as const;
-const IDENTITY = new Matrix4().elements;
+const SAME_FRAME = new Matrix4().elements;
 const LINK = new Matrix4();
-const POINT = new Vector3();
 const ROOT_RAY = new Ray();
 const ROOT_FROM_WORLD = new Matrix4();

@@ -7,7 +7,7 @@ import type { Quat, Vec3 } from '../rotation.ts';
 import { type Imu, ImuTable } from '../sensors/imus.ts';
 import { WrenchTable } from '../sensors/wrenches.ts';
 import { Playout } from './playout.ts';
-import { type Base, baseOf, isUnturned, type Pose, Poser } from './pose.ts';
+import { type Base, baseOf, isUnturned, type JointValues, type Pose, Poser } from './pose.ts';
 
 /** Numbers of one sensor: force and moment. */
 const SIZE = 6;
@@ -156,14 +156,9 @@ export class Player {
     return { joints, base: this.#base(), unread, unturned, lean: this.#lean(), ghost, tS, wrenches };
   }
 
-  #joints(poser: Poser): Map<string, number> {
-    const from = poser === this.#ref ? this.#refAt : 0;
-    const joints = new Map<string, number>();
-    poser.joints.forEach((name, i) => {
-      const value = this.#playout.shown[from + i]!;
-      if (!Number.isNaN(value)) joints.set(name, value);
-    });
-    return joints;
+  #joints({ joints: names }: Poser): JointValues {
+    const from = names === this.#ref?.joints ? this.#refAt : 0;
+    return { names, values: this.#playout.shown.subarray(from, from + names.length) };
   }
 
   /** The played orientation of a sensor; null if the robot has none with this name, or no reading yet. */

@@ -1,5 +1,15 @@
 import { Arrivals, type Stamp } from './arrivals.ts';
 
+/** How the numbers of a state are interpolated: wrapping angles and quaternions are listed here; all others are lengths or angles
+ *  with linear interpolation. */
+export interface Layout {
+  readonly size: number;
+  /** Indices of angles (rad) of continuous joints, which wrap: from 3 to -3 the way leads over π. */
+  readonly wraps: ReadonlySet<number>;
+  /** Indices at which a unit quaternion w, x, y, z begins. */
+  readonly quats: readonly number[];
+}
+
 /** Maximum number of moves waiting to be played; beyond that the oldest is skipped. */
 export const MOST_MOVES = 32;
 /** After a longer gap between frames, the motion in between is unknown: the newest frame is shown at once. */
@@ -175,16 +185,6 @@ export class Playout {
 
 function clamp(value: number, most: number): number {
   return Math.min(most, Math.max(-most, value));
-}
-
-/** How the numbers of a state are interpolated: wrapping angles and quaternions are listed here; all others are lengths or angles
- *  with linear interpolation. */
-export interface Layout {
-  readonly size: number;
-  /** Indices of angles (rad) of continuous joints, which wrap: from 3 to -3 the way leads over π. */
-  readonly wraps: ReadonlySet<number>;
-  /** Indices at which a unit quaternion w, x, y, z begins. */
-  readonly quats: readonly number[];
 }
 
 const TURN = 2 * Math.PI;

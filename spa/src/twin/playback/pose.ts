@@ -4,9 +4,19 @@ import { normalizeQuat, type Quat, type Vec3 } from '../rotation.ts';
 import type { Imu } from '../sensors/imus.ts';
 import { valueAt } from '../values.ts';
 
-/** A robot's pose at one instant: URDF joints (rad, or m for prismatic ones) and the pose of the root link. */
+/** Positions of URDF joints, rad, or m for prismatic ones. */
+export interface JointValues {
+  /** The same array for all poses of a source, so that a reader looks its joints up once. */
+  readonly names: readonly string[];
+  /** In the order of `names`; NaN where there is no reading. A source may overwrite them with its next pose. */
+  readonly values: ArrayLike<number>;
+}
+
+export const NO_JOINTS: JointValues = { names: [], values: [] };
+
+/** A robot's pose at one instant: its joints and the pose of the root link. */
 export interface Pose {
-  joints: ReadonlyMap<string, number>;
+  joints: JointValues;
   /** world_from_root, metres and a unit quaternion; null if the robot reports no base: the scene then stands it on the floor. */
   base: Base | null;
   /** URDF joints without a reading now: they stay at their last known position. */
@@ -16,7 +26,7 @@ export interface Pose {
   /** The sensor of the body's orientation, with its reading; for a robot without a base. */
   lean?: Imu | null;
   /** The commanded joints of a second, transparent body that is shown whole. */
-  ghost?: ReadonlyMap<string, number> | null;
+  ghost?: JointValues | null;
   /** Robot time of this pose, seconds. */
   tS?: number;
   /** The wrenches at the same moment, from the sensors mounted on a link, in their channels' units. */
@@ -58,18 +68,13 @@ export class Poser {
     return this.#mapping.evaluate(codes);
   }
 
-  /** The pose of a frame, with the sensor of the body's orientation as read from the same frame. Joints without a reading are
-   *  omitted, so that they stay at their last known position. */
+  /** The pose of a frame, with the sensor of the body's orientation as read from the same frame. */
   pose(codes: Int32Array, lean: Imu | null = null): Pose {
+    const names = this.joints;
     const values = this.values(codes);
-    const joints = new Map<string, number>();
-    const unread = new Set<string>();
-    this.joints.forEach((joint, i) => {
-      if (Number.isFinite(values[i])) joints.set(joint, values[i]!);
-      else unread.add(joint);
-    });
+    const unread = new Set(names.filter((_, i) => !Number.isFinite(values[i])));
     const base = baseOf(this.#schema, codes);
-    return { joints, base, unread, lean, unturned: isUnturned(this.#schema, base, lean) };
+    return { joints: { names, values }, base, unread, lean, unturned: isUnturned(this.#schema, base, lean) };
   }
 }
 

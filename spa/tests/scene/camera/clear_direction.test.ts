@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { transform } from '../../../src/model/kinematics.ts';
-import type { PlacedBox } from '../../../src/scene/camera/body_span.ts';
+import type { PlacedBox } from '../../../src/model/posed_body.ts';
 import { clearDirection, type Sight } from '../../../src/scene/camera/clear_direction.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
 

@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { transform } from '../../../src/model/kinematics.ts';
-import type { PlacedBox } from '../../../src/scene/camera/body_span.ts';
+import type { PlacedBox } from '../../../src/model/posed_body.ts';
 import { CameraRig } from '../../../src/scene/camera/camera_rig.ts';
 
 const HAND = [0, 0.35, 0.8] as const;

@@ -1,8 +1,9 @@
 import { describe, expect, it } from 'vitest';
 import { cornersOf, type LinkBox } from '../../../src/model/bounds.ts';
 import { transform } from '../../../src/model/kinematics.ts';
-import { type PlacedBox, spanOf } from '../../../src/scene/camera/body_span.ts';
+import type { PlacedBox } from '../../../src/model/posed_body.ts';
 import { CameraRig } from '../../../src/scene/camera/camera_rig.ts';
+import { spanOf } from '../../../src/scene/camera/whole_body.ts';
 import type { Quat, Vec3 } from '../../../src/twin/rotation.ts';
 
 /** Pictures as on a phone, a laptop and a wide screen. */

@@ -8,7 +8,9 @@ import { Rasterizer } from '../../../src/scene/canvas2d/rasterizer.ts';
 import { LightRobot } from '../../../src/scene/canvas2d/robot.ts';
 import { LightRobotNode } from '../../../src/scene/canvas2d/robot_node.ts';
 import type { Pose } from '../../../src/twin/playback/pose.ts';
+import { type JointValues, NO_JOINTS } from '../../../src/twin/playback/pose.ts';
 import { IDENTITY, type Quat, quatOfRpy } from '../../../src/twin/rotation.ts';
+import { jointsAt } from '../../rigs/joints.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../../rigs/model_samples.ts';
 
 /** An arm of two boxes, one beside the other: red, then blue, the second on a joint about z. */
@@ -71,7 +73,7 @@ function staged(robot: LightRobot) {
   return {
     node,
     setPose: (pose: Pose) => tells(() => node.setPose(pose, true)),
-    showGhost: (joints: ReadonlyMap<string, number> | null, limbs: readonly string[] | null = null) =>
+    showGhost: (joints: JointValues | null, limbs: readonly string[] | null = null) =>
       tells(() => node.showGhost(joints, limbs)),
     lockHeading: (locked: boolean) => tells(() => node.lockHeading(locked)),
   };
@@ -131,17 +133,17 @@ describe('a robot drawn by hand', () => {
   it('moves with its joints and says so only when something changed', () => {
     const robot = dressed();
     const { node, setPose } = staged(robot);
-    const at = (angle: number) => ({ joints: new Map([[joint(), angle]]), base: null });
+    const at = (angle: number) => ({ joints: jointsAt({ [joint()]: angle }), base: null });
     expect(setPose(at(0.4))).toBe(true);
     expect(setPose(at(0.4))).toBe(false);
     expect(node.linkPoses()[link(second)]!.slice(0, 2)).toEqual(
       [Math.cos(0.4), -Math.sin(0.4)].map((v) => expect.closeTo(v)),
     );
-    expect(setPose({ joints: new Map(), base: { xyz: [1, 2, 3], quat_wxyz: [1, 0, 0, 0] } })).toBe(true);
+    expect(setPose({ joints: NO_JOINTS, base: { xyz: [1, 2, 3], quat_wxyz: [1, 0, 0, 0] } })).toBe(true);
     expect([3, 7, 11].map((i) => node.linkPoses()[link(first)]![i])).toEqual([1, 2, 3]);
     expect(
       setPose({
-        joints: new Map([[joint(), Number.NaN]]),
+        joints: jointsAt({ [joint()]: Number.NaN }),
         base: { xyz: [1, 2, 3], quat_wxyz: [1, 0, 0, 0] },
       }),
     ).toBe(false);
@@ -150,9 +152,9 @@ describe('a robot drawn by hand', () => {
   it('marks the link of a joint without a reading, and it alone: grey, hatched, where it was', () => {
     const robot = dressed();
     const { node, setPose } = staged(robot);
-    setPose({ joints: new Map([[joint(), 0.4]]), base: null });
+    setPose({ joints: jointsAt({ [joint()]: 0.4 }), base: null });
     const before = node.linkPoses();
-    const lost = { joints: new Map(), base: null, unread: new Set([joint()]) };
+    const lost = { joints: NO_JOINTS, base: null, unread: new Set([joint()]) };
     expect(setPose(lost)).toBe(true);
     expect(setPose(lost)).toBe(false);
     expect(node.linkPoses()).toEqual(before);
@@ -160,7 +162,7 @@ describe('a robot drawn by hand', () => {
     expect(red).toBeGreaterThan(500);
     expect(blue).toBe(0);
     expect(grey).toBeGreaterThan(500);
-    expect(setPose({ joints: new Map([[joint(), 0.4]]), base: null, unread: new Set() })).toBe(true);
+    expect(setPose({ joints: jointsAt({ [joint()]: 0.4 }), base: null, unread: new Set() })).toBe(true);
     expect(pictured(robot).grey).toBe(0);
   });
 
@@ -186,7 +188,7 @@ describe('a robot drawn by hand', () => {
     const { raster, view, eye } = pictured(robot);
     const glass = new Rasterizer();
     expect(robot.drawGhost(glass, view, eye.position), 'none is asked for').toBe(0);
-    const wish = [new Map([[joint(), 1.2]]), [joint()]] as const;
+    const wish = [jointsAt({ [joint()]: 1.2 }), [joint()]] as const;
     expect(showGhost(...wish)).toBe(true);
     expect(showGhost(...wish)).toBe(false);
     expect(node.ghostLinks).toEqual([link(second)]);
@@ -207,7 +209,7 @@ describe('a robot drawn by hand', () => {
     const robot = dressed();
     const { showGhost } = staged(robot);
     const { raster, view, eye } = pictured(robot);
-    showGhost(new Map());
+    showGhost(NO_JOINTS);
     const glass = new Rasterizer();
     glass.clearBefore(raster);
     robot.drawGhost(glass, view, eye.position);
@@ -218,7 +220,7 @@ describe('a robot drawn by hand', () => {
     const robot = dressed();
     const { node, setPose, lockHeading } = staged(robot);
     const lean = (worldFromSensor: Quat | null) => ({
-      joints: new Map(),
+      joints: NO_JOINTS,
       base: null,
       lean: {
         ...{ site: 'torso', name: 'torso', link: null, linkFromSensor: IDENTITY, xyz: [0, 0, 0] as const },
@@ -257,7 +259,7 @@ describe('a robot drawn by hand', () => {
     expect(robot.jointNames.length).toBe(200);
     expect(
       setPose({
-        joints: new Map(robot.jointNames.map((name, i) => [name, 0.02 * (i % 5)])),
+        joints: jointsAt(Object.fromEntries(robot.jointNames.map((name, i) => [name, 0.02 * (i % 5)]))),
         base: null,
       }),
     ).toBe(true);

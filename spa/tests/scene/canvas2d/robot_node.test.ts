@@ -5,6 +5,7 @@ import { LIGHT_COLORS } from '../../../src/scene/canvas2d/colors.ts';
 import { LightRobotNode } from '../../../src/scene/canvas2d/robot_node.ts';
 import type { PoseSource } from '../../../src/scene/figure/body_view.ts';
 import type { Pose } from '../../../src/twin/playback/pose.ts';
+import { jointsAt } from '../../rigs/joints.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../../rigs/model_samples.ts';
 
 const ARM: SampleModel = {
@@ -12,7 +13,7 @@ const ARM: SampleModel = {
   visuals: [{ link: 0, at: [0, 0, 0.2], size: [0.3, 0.4, 0.4], material: 0 }],
   materials: [{ color: [0.8, 0.8, 0.8, 1] }],
 };
-const STANDING: Pose = { joints: new Map([['joint1', 0.3]]), base: null };
+const STANDING: Pose = { joints: jointsAt({ joint1: 0.3 }), base: null };
 
 let turn = 0;
 let shellsAway = false;
@@ -118,7 +119,7 @@ it('follows a source, and says when it has moved', async () => {
   let angle = 0.1;
   const source: PoseSource = {
     sample: () => angle < 0.3,
-    pose: () => ({ ...STANDING, joints: new Map([['joint1', angle]]) }),
+    pose: () => ({ ...STANDING, joints: jointsAt({ joint1: angle }) }),
     setContinuous: () => {},
   };
   robot.play(source);

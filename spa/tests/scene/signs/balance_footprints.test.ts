@@ -1,10 +1,12 @@
 import { expect, it } from 'vitest';
-import { Footprints } from '../../../src/scene/signs/balance/footprints.ts';
-import { Facets, paintsOf } from '../../../src/scene/signs/balance/shapes.ts';
-import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
+import { paintsOf } from '../../../src/scene/signs/balance_shapes.ts';
+import { Footprints } from '../../../src/scene/signs/footprints.ts';
+import { Facets } from '../../../src/scene/signs/strokes.ts';
+
 import type { Foot } from '../../../src/twin/balance/balance.ts';
 import { Balancer } from '../../../src/twin/balance/balancer.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
+import { signPicture } from '../../rigs/signs.ts';
 
 /** The pose of a link, rotated by `yaw` (rad) about the vertical. */
 interface Place {
@@ -67,15 +69,8 @@ class Walker {
   /** The middle of the newest footprint, from its first two facets. */
   get lastPrint(): number[] {
     const facets = new Facets();
-    const style = {
-      tones: OVERLAY_COLORS.dark,
-      palette: 'standard',
-      angle: 'rad',
-      live: true,
-      reach: 1,
-    } as const;
     facets.begin();
-    this.left.draw(facets, 0, 1, paintsOf(style, 'ok'));
+    this.left.draw(facets, 0, 1, paintsOf(signPicture(), 'ok'));
     facets.end();
     const perPrint = 2 + 4 * 2; // its fill and its outline
     const at = (this.left.prints - 1) * perPrint * facets.stride;

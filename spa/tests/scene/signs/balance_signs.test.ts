@@ -1,18 +1,25 @@
 import type { Level } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { Footprints, KEPT_S } from '../../../src/scene/signs/balance/footprints.ts';
-import { drawJointLimits } from '../../../src/scene/signs/balance/joint_arc.ts';
-import { drawCapture, drawMass, drawPressure } from '../../../src/scene/signs/balance/mass.ts';
-import { FACET_AT, FACET_STRIDE, Facets, faint, paintsOf } from '../../../src/scene/signs/balance/shapes.ts';
-import { drawSupport, marginLine } from '../../../src/scene/signs/balance/support.ts';
-import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
+import {
+  drawCapture,
+  drawMass,
+  drawPressure,
+  drawSupport,
+  marginLine,
+} from '../../../src/scene/signs/balance_marks.ts';
+import { faint, paintsOf } from '../../../src/scene/signs/balance_shapes.ts';
+import { Footprints, KEPT_S } from '../../../src/scene/signs/footprints.ts';
+import { drawJointLimits } from '../../../src/scene/signs/joint_arc.ts';
+import { FACET_AT, FACET_STRIDE, Facets } from '../../../src/scene/signs/strokes.ts';
 import type { Balance, FootBalance } from '../../../src/twin/balance/balance.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
+import { jointsAt } from '../../rigs/joints.ts';
 import { sampleLeg } from '../../rigs/leg_sample.ts';
+import { signFrame, signPicture } from '../../rigs/signs.ts';
 
-const TONES = OVERLAY_COLORS.dark;
-const STYLE = { reach: 1, tones: TONES, palette: 'standard', angle: 'rad', live: true } as const;
-const PAINTS = paintsOf(STYLE, 'ok');
+const PICTURE = signPicture();
+const { colors: TONES } = PICTURE;
+const PAINTS = paintsOf(PICTURE, 'ok');
 
 const SOLE: readonly Vec3[] = [
   [-0.1, -0.05, 0],
@@ -83,7 +90,7 @@ function turn({ corners: [a, b, c] }: Drawn): number {
 
 function support(changed: Partial<Balance>, level: Level = 'ok'): Drawn[] {
   const balance = standing(changed);
-  const paints = paintsOf(STYLE, level);
+  const paints = paintsOf(PICTURE, level);
   return drawn((facets) => drawSupport(facets, balance, marginLine(balance, 0.01), level, 0.01, 1, paints));
 }
 
@@ -147,14 +154,15 @@ describe('the support', () => {
 
 describe('paints', () => {
   it('all are grey when the pose is old', () => {
-    const { white, black, ...paints } = paintsOf({ ...STYLE, live: false }, 'fault');
+    const { white, black, ...paints } = paintsOf(signPicture(signFrame({}, { live: false })), 'fault');
     expect(new Set(Object.values(paints).map(({ color }) => color))).toEqual(new Set([TONES.stale]));
     expect(white.color).toBe(TONES.stale);
     expect(black.color).not.toBe(TONES.stale);
   });
 
   it('follow the palette for colour-blind eyes', () => {
-    expect(paintsOf({ ...STYLE, palette: 'safe' }, 'fault').margin.color).toBe(TONES.safe.fault);
+    const safe = signFrame({}, { settings: { palette: 'safe' } });
+    expect(paintsOf(signPicture(safe), 'fault').margin.color).toBe(TONES.safe.fault);
     expect(faint(faint(PAINTS.mass, 0.5), 0.5).opacity).toBe(0.25);
   });
 });
@@ -276,14 +284,14 @@ describe('the limits of a joint', () => {
   function leg(limits: { lower: number; upper: number } | null) {
     const made = sampleLeg();
     (made.manifest.joints[1] as { limits: unknown }).limits = limits;
-    made.setJoints(new Map([['knee', 0.5]]));
+    made.setJoints(jointsAt({ knee: 0.5 }));
     made.ground();
     return made;
   }
   const arc = (body: ReturnType<typeof leg>, name: string) => {
     let left: number | undefined;
     const facets = drawn((into) => {
-      left = drawJointLimits(into, body, [name], STYLE, PAINTS)[0]?.shown.left;
+      left = drawJointLimits(into, { ...PICTURE, body, reach: 1 }, [name], PAINTS)[0]?.shown.left;
     });
     return { left, count: facets.length };
   };

@@ -1,7 +1,8 @@
 import { describe, expect, it } from 'vitest';
+import { Load, LoadTable, loadColor } from '../../../src/scene/signs/load.ts';
 import { NO_EDITS, ValueLimits, withEdit } from '../../../src/twin/limits.ts';
-import { LoadTable } from '../../../src/twin/sensors/load.ts';
 import { codesWith, SCHEMA } from '../../rigs/schema.ts';
+import { drawnSign, signFrame } from '../../rigs/signs.ts';
 
 const LIMITS = new ValueLimits(SCHEMA.mapping);
 
@@ -49,5 +50,25 @@ describe('load on the body', () => {
       rest: 20,
       cautionPart: expect.closeTo(0.72),
     });
+  });
+});
+
+describe('the colours of load', () => {
+  it('are those of what a joint moves, and of what hangs on that; past the limit hatched', () => {
+    const { sign, picture } = drawnSign(Load, signFrame({ 'temp.knee': 71 }, { settings: { load: 'temp' } }));
+    const { fault } = picture.colors;
+    expect(picture.tints.get('shank')).toEqual({ color: fault, hatched: true });
+    expect(picture.tints.get('foot'), 'fixed to the shank').toEqual({ color: fault, hatched: true });
+    expect(picture.tints.get('thigh'), 'no reading').toEqual({ color: 0x7f8894, hatched: false });
+    expect(sign.drawn.thigh).toBe('#7f8894');
+    expect(sign.scale).toMatchObject({ field: 'temp', full: 70 });
+  });
+
+  it('gets darker all the way, so that an eye without colours sees the order', () => {
+    const luma = (hex: number) => 0.2126 * (hex >> 16) + 0.7152 * ((hex >> 8) & 255) + 0.0722 * (hex & 255);
+    const steps = Array.from({ length: 21 }, (_, i) => luma(loadColor(i / 20)));
+    expect(steps.every((bright, i) => i === 0 || bright < steps[i - 1]!)).toBe(true);
+    expect(loadColor(-1)).toBe(loadColor(0));
+    expect(loadColor(2)).toBe(loadColor(1));
   });
 });

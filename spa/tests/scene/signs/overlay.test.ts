@@ -1,48 +1,35 @@
 // @vitest-environment happy-dom
 import { expect, it } from 'vitest';
-import { Facets } from '../../../src/scene/signs/balance/shapes.ts';
-import type { BalancePicture, ShownBalance } from '../../../src/scene/signs/balance_drawing.ts';
 import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
 import { Overlay } from '../../../src/scene/signs/overlay.ts';
-import type { OverlayStyle } from '../../../src/scene/signs/robot_overlay.ts';
-import type { BalanceReadings } from '../../../src/twin/overlay/reader.ts';
-import type { Wrench } from '../../../src/twin/sensors/wrenches.ts';
+import { RobotSigns } from '../../../src/scene/signs/signs.ts';
 import { sampleLeg } from '../../rigs/leg_sample.ts';
+import { legSchema, signFrame } from '../../rigs/signs.ts';
 
-const MANNER: OverlayStyle = {
-  live: true,
-  from: 'pos',
-  arrowScale: 1,
-  palette: 'standard',
-  angle: 'rad',
-  words: {
-    offBy: (channel, by) => `${channel} ${by} off`,
-    compliant: (channel) => `${channel} compliant`,
-    withoutReading: (name) => `${name}: no reading`,
-  },
-};
+const SCHEMA = legSchema({ ftf: ['fz'], base: true });
 
-function standing(force: number, level: 'ok' | 'fault') {
-  const mount = { kind: 'wrench', name: 'foot', link: 'foot', xyz: [0, 0, 0], rpy: [0, 0, 0] } as const;
-  const wrench: Wrench = {
-    ...{ site: 'F', name: 'foot', mount },
-    force: { vector: [0, 0, force], level, axes: [2], much: 500 },
-    moment: { vector: [0, 0, 0], level: 'ok', axes: [], much: 10 },
-  };
-  return {
-    wrenches: [wrench],
-    deviations: [],
-    imus: [],
-    body: null,
-    based: true,
-    loads: null,
-    balance: null,
-  };
+/** A frame of the leg with this upward force on its foot, N. */
+const standing = (force: number, given: Parameters<typeof signFrame>[1] = {}) =>
+  signFrame({ 'ftf.F.fz': force, 'baseq.base.w': 1e6 }, { schema: SCHEMA, ...given });
+
+/** A robot in a picture, with its body or none. */
+class Bearer {
+  readonly signs = new RobotSigns();
+
+  constructor(
+    readonly made: Overlay,
+    readonly figure: ReturnType<typeof sampleLeg> | null = sampleLeg(),
+  ) {}
+
+  show(...frame: Parameters<typeof standing>): void {
+    this.signs.read(standing(...frame));
+    this.made.show(this, this.signs);
+  }
 }
 
-function board() {
+function board(facets = false) {
   const host = document.createElement('div');
-  const made = new Overlay(host, OVERLAY_COLORS.dark);
+  const made = new Overlay(host, OVERLAY_COLORS.dark, facets);
   const words = () => [...host.querySelectorAll<HTMLElement>('.sign-label')];
   return { made, words, level: () => host.querySelector<HTMLElement>('.stage-level')! };
 }
@@ -55,78 +42,63 @@ function settle(made: Overlay): void {
 
 it('makes a picture when there is news, and only then', () => {
   const { made, words } = board();
-  const bearer = { figure: sampleLeg() };
+  const robot = new Bearer(made);
   expect(made.make()).toBe(false);
-  made.show(bearer, standing(300, 'ok'), MANNER);
+  robot.show(240);
   expect(made.make(), 'a flange, a plane').toBe(true);
   settle(made);
   expect(made.make()).toBe(false);
-  made.show(bearer, standing(300, 'ok'), MANNER);
+  robot.show(240);
   expect(made.make(), 'the same again').toBe(false);
-  made.show(bearer, standing(300, 'ok'), { ...MANNER, live: false });
+  robot.show(240, { live: false });
   expect(words()[0]?.dataset.old).toBe('false');
   expect(made.make(), 'grey now').toBe(true);
   expect(words()[0]?.dataset.old).toBe('true');
-  made.show(bearer, null);
+  robot.signs.read(null);
+  made.show(robot, robot.signs);
   expect(made.make()).toBe(true);
   expect(made.strokes.count).toBe(0);
 });
 
-it('the signs of balance stand alone under the robot, without the plane of what is level', () => {
-  const facets = new Facets();
-  let floorM: number | null = 0;
-  const picture: BalancePicture = {
-    facets,
-    begin: () => facets.begin(),
-    end: () => facets.end(),
-    addRobot: () => ({
-      get shown() {
-        return { floorM, feet: [] } as unknown as ShownBalance;
-      },
-      draw: () => {},
-      labels: () => [],
-    }),
-  };
-  const { made } = board();
-  const bearer = { figure: sampleLeg() };
-  made.show(bearer, standing(300, 'ok'), MANNER);
-  settle(made);
-  const alone = made.strokes.count;
-  const balance = {} as BalanceReadings;
-  made.show(bearer, { ...standing(300, 'ok'), balance }, { ...MANNER, balance: () => picture });
-  settle(made);
-  expect(alone - made.strokes.count).toBe(6); // fan, rim and four ticks
-  floorM = null;
-  made.moved();
-  settle(made);
-  expect(made.strokes.count, 'nothing tells what it stands on').toBe(alone);
-});
-
 it('of several robots: strokes of all, words of the worst first, nobody’s lean', () => {
   const { made, words, level } = board();
-  const [well, badly] = [{ figure: sampleLeg() }, { figure: sampleLeg() }];
-  made.show(well, standing(200, 'ok'), MANNER);
+  new Bearer(made).show(200);
   settle(made);
   const alone = made.strokes.count;
   expect(words().map(({ dataset }) => dataset.sign)).toEqual(['wrench-F']);
-  made.show(badly, standing(450, 'fault'), MANNER);
+  new Bearer(made).show(550);
   settle(made);
   expect(made.strokes.count).toBe(2 * alone + 2); // two more heads
-  expect(words().find(({ dataset }) => dataset.level === 'fault')?.textContent).toBe('450 N');
+  expect(words().find(({ dataset }) => dataset.level === 'fault')?.textContent).toBe('550 N');
   expect(new Set(words().map(({ dataset }) => dataset.sign))).toEqual(new Set(['0-wrench-F', '1-wrench-F']));
   expect(level().hidden).toBe(true);
 });
 
 it('a robot without a body yet has no strokes, and words nowhere', () => {
   const { made, words } = board();
-  made.show({ figure: null }, standing(450, 'fault'), MANNER);
+  new Bearer(made, null).show(550);
   expect(made.make()).toBe(false);
   expect(words()).toEqual([]);
 });
 
+it('a body has the colours of its load until that is off; another body has its own', () => {
+  const { made } = board();
+  const robot = new Bearer(made);
+  const tints = new Map<string, unknown>();
+  robot.figure!.setTint = (link, tint) => void tints.set(link, tint);
+  robot.show(0, { settings: { load: 'temp', forces: false, level: false } });
+  expect(made.make()).toBe(true);
+  expect(tints.get('shank')).toMatchObject({ hatched: false });
+  robot.show(0, { settings: { load: 'temp', forces: false, level: false } });
+  expect(made.make(), 'the same again').toBe(false);
+  robot.show(0, { settings: { forces: false, level: false } });
+  expect(made.make()).toBe(true);
+  expect(new Set(tints.values())).toEqual(new Set([null]));
+});
+
 it('words go where their points are; behind the eye they are hidden', () => {
   const { made, words } = board();
-  made.show({ figure: sampleLeg() }, standing(450, 'fault'), MANNER);
+  new Bearer(made).show(550);
   settle(made);
   const room = { width: 400, height: 300, top: 0, free: 300 };
   made.placeLabels(([x]) => ({ x: 100 + x, y: 50 }), room);
@@ -141,7 +113,7 @@ it('words go where their points are; behind the eye they are hidden', () => {
 it('words cover neither roll nor pitch', () => {
   const { made, words, level } = board();
   level().getBoundingClientRect = () => new DOMRect(100, 20, 160, 60);
-  made.show({ figure: sampleLeg() }, standing(450, 'fault'), MANNER);
+  new Bearer(made).show(550);
   settle(made);
   made.placeLabels(() => ({ x: 150, y: 50 }), { width: 400, height: 300, top: 0, free: 300 });
   const [x = 0, y = 0] = (words()[0]!.style.transform.match(/-?\d+/g) ?? []).map(Number);
@@ -150,8 +122,8 @@ it('words cover neither roll nor pitch', () => {
 
 it('a label that its level hides has no line to its point any more', () => {
   const { made, words } = board();
-  const bearer = { figure: sampleLeg() };
-  made.show(bearer, standing(450, 'fault'), MANNER);
+  const robot = new Bearer(made);
+  robot.show(550);
   settle(made);
   const [label] = words();
   // as on a phone, where values within their limits need no label
@@ -162,10 +134,10 @@ it('a label that its level hides has no line to its point any more', () => {
   const room = { width: 400, height: 300, top: 0, free: 300 };
   made.placeLabels(() => ({ x: 150, y: 50 }), room);
   expect(label!.hidden).toBe(false);
-  made.show(bearer, standing(450, 'ok'), MANNER);
+  robot.show(110);
   settle(made);
   made.placeLabels(() => ({ x: 150, y: 50 }), room);
   expect(words()[0], 'the same').toBe(label);
-  expect(label!.textContent).toBe('450 N');
+  expect(label!.textContent).toBe('110 N');
   expect(label!.hidden, 'and so is its line').toBe(true);
 });

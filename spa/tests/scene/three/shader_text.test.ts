@@ -1,7 +1,7 @@
 import { Color, type Material, ShaderLib, type WebGLProgramParametersWithUniforms } from 'three';
 import { expect, it } from 'vitest';
 import { readLod } from '../../../src/model/lod.ts';
-import { glass } from '../../../src/scene/three/glass.ts';
+import { glass } from '../../../src/scene/three/ghost.ts';
 import { declare, insertAfter } from '../../../src/scene/three/shader_text.ts';
 import { Bones, Skin } from '../../../src/scene/three/skin.ts';
 import { StaleEffect } from '../../../src/scene/three/stale_effect.ts';

@@ -5,6 +5,7 @@ import { readManifest } from '../../../src/model/manifest.ts';
 import type { Skin } from '../../../src/scene/three/skin.ts';
 import { SkinnedRobot } from '../../../src/scene/three/skinned_robot.ts';
 import { StaleEffect } from '../../../src/scene/three/stale_effect.ts';
+import { jointsAt } from '../../rigs/joints.ts';
 import { type SampleModel, sampleGlb, sampleManifest } from '../../rigs/model_samples.ts';
 
 const tones = { accent: { value: new Color() }, caution: { value: new Color() } };
@@ -37,7 +38,7 @@ type Drawn = Skin['mesh'];
 describe('a skinned robot', () => {
   it('puts links where the joints say, before it has shells', () => {
     const robot = robotOf(chain(2));
-    robot.setJoints(new Map([['joint1', Math.PI / 2]]));
+    robot.setJoints(jointsAt({ joint1: Math.PI / 2 }));
     robot.place([1, 2, 3], UPRIGHT);
     const [x, y, z] = robot.linkMatrix('link2')!.elements.slice(12, 15);
     expect([x, y, z].map((value) => Number(value?.toFixed(9)))).toEqual([1.1, 2, 3.1]);
@@ -65,8 +66,8 @@ describe('a skinned robot', () => {
     expect(ghost.mesh.geometry, 'the very buffers').toBe(shells().geometry);
     robot.wear(await levelOf(model), []);
     expect(ghost.mesh.geometry).toBe(shells().geometry);
-    expect(ghost.setJoints(new Map([['joint1', 1]]))).toBe(true);
-    expect(ghost.setJoints(new Map([['joint1', 1]]))).toBe(false);
+    expect(ghost.setJoints(jointsAt({ joint1: 1 }))).toBe(true);
+    expect(ghost.setJoints(jointsAt({ joint1: 1 }))).toBe(false);
     robot.place([0, 0, 0], UPRIGHT);
     expect(robot.linkMatrix('link2')!.elements[14]).toBeCloseTo(0.2, 9);
     expect(ghost.rootFromLink[2 * 16 + 14]).toBeCloseTo(0.1 + 0.1 * Math.cos(1), 9);
@@ -80,12 +81,12 @@ describe('a skinned robot', () => {
     const robot = robotOf(model);
     robot.wear(await levelOf(model), []);
     const names = robot.jointNames;
-    const readings = new Map(names.map((name) => [name, 0]));
+    const readings = { names, values: new Float64Array(names.length) };
     let best = Number.POSITIVE_INFINITY;
     for (let repeat = 0; repeat < 9; repeat += 1) {
       const began = performance.now();
       for (let round = 0; round < 200; round += 1) {
-        for (const name of names) readings.set(name, Math.sin(round + repeat));
+        readings.values.fill(Math.sin(round + repeat));
         robot.setJoints(readings);
         robot.ground();
       }

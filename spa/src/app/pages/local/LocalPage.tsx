@@ -1,19 +1,21 @@
 import { useEffect, useEffectEvent, useMemo, useRef, useState } from 'react';
 import type { ModelReport } from '../../../model/report.ts';
+import { Balance, FILES } from '../../../scene/signs/balance.ts';
+import { RobotSigns } from '../../../scene/signs/signs.ts';
 import type { RobotScene } from '../../../scene/three/index.ts';
 import { displayOf, formatNumber } from '../../../twin/format.ts';
+import { ValueLimits } from '../../../twin/limits.ts';
 import { isolated } from '../../../twin/names.ts';
-import { FILE_READINGS } from '../../../twin/overlay/file_readings.ts';
+import { NO_JOINTS } from '../../../twin/playback/pose.ts';
 import { distrustsMasses, type Finding } from '../../../urdf/finding.ts';
 import type { LocalRobot } from '../../../urdf/local_robot.ts';
-import { BALANCE } from '../../balance/BalanceParts.tsx';
 import { loadThree, useCameraControls } from '../../robot/use_body_view.ts';
 import { shownScene } from '../../shell/debug_api.ts';
+
 import { BackIcon, IconButton } from '../../shell/icons.tsx';
-import { useLatePart } from '../../shell/late.tsx';
 import { useTheme } from '../../shell/theme.ts';
-import { changeSettings, useSettings } from '../../state/settings.ts';
-import { say, useMore, useText } from '../../text/language.ts';
+import { changeSettings, settings, useSettings } from '../../state/settings.ts';
+import { languageTag, say, useMore, useText } from '../../text/language.ts';
 import { useBalanceText } from '../../text/late.ts';
 import { chooseUrdf, closeLocal } from './local.ts';
 import './local.css';
@@ -82,7 +84,7 @@ function useLocalScene(host: React.RefObject<HTMLDivElement | null>, robot: Loca
         made = new Scene(host.current, { theme: themeNow() });
         shownScene.set(made);
         setScene(made);
-        made.setPose({ joints: new Map(), base: null }, true);
+        made.setPose({ joints: NO_JOINTS, base: null }, true);
         const report = await made.loadLocal(robot);
         const note = report.error === undefined ? null : say().bodyFailed(isolated(report.error));
         if (!left) setLoaded({ robot, report: { note, meshes: report.meshes } });
@@ -151,7 +153,8 @@ function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null
   const [values, setValues] = useState<ReadonlyMap<string, number>>(new Map());
   useEffect(() => {
     // Always writes every joint; a joint whose slider has not moved is at 0.
-    const joints = new Map(robot.joints.map(({ name }) => [name, values.get(name) ?? 0]));
+    const names = robot.joints.map(({ name }) => name);
+    const joints = { names, values: names.map((name) => values.get(name) ?? 0) };
     scene?.setPose({ joints, base: null }, true);
   }, [scene, robot, values]);
   const words = (value: number, unit: string) => {
@@ -193,20 +196,29 @@ function LocalBalance(props: {
   const { robot, scene, findings } = props;
   const { balance, palette, angle } = useSettings();
   const text = useBalanceText();
-  const words = useMore();
-  const part = useLatePart(BALANCE);
   const weighs = robot.urdf.links.some(({ inertial }) => inertial !== null && inertial.mass > 0);
   const believed = findings?.some(distrustsMasses) === false;
   const known = weighs && believed;
   const on = balance !== 'off';
   useEffect(() => {
-    if (part === null || scene === null || !known || !on) return;
-    scene.showSigns(FILE_READINGS, {
-      ...{ live: true, from: 'pos', arrowScale: 1, palette, angle, words },
-      balance: () => part.makeBalance(),
-    });
-    return () => scene.showSigns(null);
-  }, [part, scene, known, on, palette, angle, words]);
+    if (scene === null || !known || !on) return;
+    const signs = new RobotSigns();
+    const show = () => {
+      signs.read({
+        ...{ schema: FILES, codes: new Int32Array(FILES.size), limits: new ValueLimits(FILES.mapping) },
+        ...{ tS: 0, lead: null, joint: null, live: true, language: languageTag(), nameOf: isolated },
+        settings: { ...settings(), palette, angle, balance: 'on' },
+      });
+      scene.showSigns(signs);
+    };
+    show();
+    const leave = Balance.part.subscribe(show); // draws once its code has loaded
+    return () => {
+      leave();
+      signs.read(null);
+      scene.showSigns(signs);
+    };
+  }, [scene, known, on, palette, angle]);
   if (findings === null) return null;
   const lack = known ? text.rawModel : believed ? text.noMasses : text.impossibleMasses;
   return (

@@ -1,7 +1,7 @@
-import type { Balance, Slide } from '../../../twin/balance/balance.ts';
-import type { Vec3 } from '../../../twin/rotation.ts';
-import type { Paint } from '../picture_numbers.ts';
-import { type BalancePaints, drawLine, type Facets, faint, fillPolygon } from './shapes.ts';
+import type { Balance, Slide } from '../../twin/balance/balance.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+import { type BalancePaints, drawLine, faint, fillPolygon } from './balance_shapes.ts';
+import type { Facets, Paint } from './strokes.ts';
 
 /** How long footprints and trace are kept, s. */
 export const KEPT_S = 10;

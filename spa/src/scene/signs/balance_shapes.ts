@@ -1,55 +1,8 @@
 import type { Level } from '@posecast/wire';
-import { addScaled, cross, dot, normalize, rejectFrom, rotateAbout, scale } from '../../../model/vectors.ts';
-import type { Vec3 } from '../../../twin/rotation.ts';
-import type { BalanceStyle } from '../balance_drawing.ts';
-import { levelColor } from '../colors.ts';
-import type { FacetLayout, FacetNumbers } from '../facet_numbers.ts';
-import { type Paint, PictureNumbers, tintOf } from '../picture_numbers.ts';
-
-/** Maximum facets in one picture; further ones are not drawn. The balance of one robot takes about 1,000. */
-export const MOST_FACETS = 8192;
-
-/** `through` comes after the four numbers of `tint`. */
-export const FACET_AT: FacetLayout = { first: 0, second: 3, third: 6, tint: 9, through: 13 };
-export const FACET_STRIDE = 14;
-
-/** Filled triangles of an overlay, independent of the renderer: the counterpart of `Strokes` for areas. */
-export class Facets extends PictureNumbers implements FacetNumbers {
-  readonly at = FACET_AT;
-
-  constructor() {
-    super(MOST_FACETS, FACET_STRIDE);
-  }
-
-  /** Adds a triangle, its corners counter-clockwise as seen by the viewer. */
-  add(a: Vec3, b: Vec3, c: Vec3, paint: Paint): void {
-    if (this.isFull) return;
-    this.making.set([...a, ...b, ...c], this.made * FACET_STRIDE + FACET_AT.first);
-    this.#paint(paint);
-  }
-
-  /** Adds a shape of many triangles, nine numbers each: rotated about the vertical (rad), scaled and moved to a point. */
-  addShape(corners: ArrayLike<number>, [x, y, z]: Vec3, size: number, heading: number, paint: Paint): void {
-    const [c, s] = [size * Math.cos(heading), size * Math.sin(heading)];
-    const to = this.making;
-    for (let from = 0; from < corners.length && !this.isFull; from += 9) {
-      const at = this.made * FACET_STRIDE + FACET_AT.first;
-      for (let i = 0; i < 9; i += 3) {
-        const [px, py] = [corners[from + i]!, corners[from + i + 1]!];
-        to[at + i] = x + c * px - s * py;
-        to[at + i + 1] = y + s * px + c * py;
-        to[at + i + 2] = z + size * corners[from + i + 2]!;
-      }
-      this.#paint(paint);
-    }
-  }
-
-  /** Completes the facet whose corners have been written. */
-  #paint(paint: Paint): void {
-    this.making.set([...tintOf(paint), paint.through ? 1 : 0], this.made * FACET_STRIDE + FACET_AT.tint);
-    this.made += 1;
-  }
-}
+import { addScaled, cross, dot, normalize, rejectFrom, rotateAbout, scale } from '../../model/vectors.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+import { levelPaint, type SignPicture } from './sign.ts';
+import type { Facets, Paint } from './strokes.ts';
 
 /** The colours of the ball's quarters, in both themes: those of a crash-test dummy's markers. */
 const WHITE = 0xf7f8fa;
@@ -73,15 +26,17 @@ export interface BalancePaints {
   readonly margin: Paint;
 }
 
-export function paintsOf({ tones, palette, live }: BalanceStyle, level: Level): BalancePaints {
+export function paintsOf(picture: SignPicture, level: Level): BalancePaints {
+  const { colors } = picture;
+  const { live } = picture.frame;
   const solid = (color: number): Paint => ({ color, through: true });
-  const tone = (color: number): Paint => solid(live ? color : tones.stale);
-  const of = (at: Level) => solid(levelColor(tones, palette, at, live));
-  const support = tone(tones.level);
+  const tone = (color: number): Paint => solid(live ? color : colors.stale);
+  const of = (at: Level) => levelPaint(picture, at);
+  const support = tone(colors.level);
   return {
-    white: solid(live ? WHITE : tones.stale),
+    white: tone(WHITE),
     black: solid(live ? BLACK : OLD_BLACK),
-    mass: tone(tones.ink),
+    mass: tone(colors.ink),
     support,
     pressure: of('ok'),
     tipping: of('caution'),

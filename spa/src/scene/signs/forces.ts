@@ -1,5 +1,5 @@
-import type { Level } from '@posecast/wire';
-import type { PosedBody } from '../../model/posed_body.ts';
+import type { Level, Schema } from '@posecast/wire';
+import { prefersReducedMotion } from '../../browser/painting.ts';
 import {
   addScaled,
   cross,
@@ -10,10 +10,19 @@ import {
   rejectFrom,
   rotateAbout,
 } from '../../model/vectors.ts';
+import { displayOf, formatNumber } from '../../twin/format.ts';
+import { worseOf } from '../../twin/limits.ts';
 import { quatOfRpy, rotateVector, type Vec3 } from '../../twin/rotation.ts';
-import type { Arrow, Wrench } from '../../twin/sensors/wrenches.ts';
-import type { Paint } from './picture_numbers.ts';
-import type { Strokes } from './strokes.ts';
+import { type Arrow, WrenchTable } from '../../twin/sensors/wrenches.ts';
+import {
+  levelPaint,
+  type Sign,
+  type SignFrame,
+  type SignLabel,
+  type SignLanguage,
+  type SignPicture,
+} from './sign.ts';
+import type { Paint } from './strokes.ts';
 
 /** Lengths in radii of the robot. */
 const AT_LIMIT = 0.5;
@@ -39,12 +48,17 @@ const SETTLED = 0.002;
  *  that jumps. Colours change at once. */
 class Glide {
   shown = 0;
-  goal = 0;
+  #goal = 0;
+
+  follow({ vector, much }: Arrow, atOnce: boolean): void {
+    this.#goal = vector === null ? 0 : Math.hypot(...vector) / much;
+    if (atOnce) this.shown = this.#goal;
+  }
 
   advance(seconds: number): boolean {
-    if (this.shown === this.goal) return false;
-    this.shown += (this.goal - this.shown) * -Math.expm1(-seconds / SMOOTH_SECONDS);
-    if (Math.abs(this.goal - this.shown) < SETTLED) this.shown = this.goal;
+    if (this.shown === this.#goal) return false;
+    this.shown += (this.#goal - this.shown) * -Math.expm1(-seconds / SMOOTH_SECONDS);
+    if (Math.abs(this.#goal - this.shown) < SETTLED) this.shown = this.#goal;
     return true;
   }
 }
@@ -78,76 +92,64 @@ interface Sensor {
   inWorld(direction: Vec3): Vec3;
 }
 
-/** Draws forces as arrows and moments as arcs at their sensors. */
-export class WrenchOverlay {
-  readonly shown: ShownWrench[] = [];
-  readonly #glides = new Map<string, { force: Glide; moment: Glide }>();
-  #wrenches: readonly Wrench[] = [];
+/** Forces as arrows and moments as arcs at their sensors, with their values. */
+export class Forces implements Sign {
+  static readonly key = 'wrenches';
+  static readonly menu = {
+    name: { en: 'Forces and moments', ko: '힘과 모멘트' },
+    explain: 'signs.force',
+    setting: 'forces',
+  } as const;
+  readonly drawn: ShownWrench[] = [];
+  readonly #table: WrenchTable;
+  readonly #glides: readonly { readonly force: Glide; readonly moment: Glide }[];
 
-  /** Takes the newest readings; `atOnce`: without easing. True if lengths have to be eased. */
-  take(wrenches: readonly Wrench[], atOnce: boolean): boolean {
-    this.#wrenches = wrenches;
-    let moving = false;
-    for (const { site, force, moment } of wrenches) {
-      const glides = this.#glides.get(site) ?? { force: new Glide(), moment: new Glide() };
-      this.#glides.set(site, glides);
-      for (const [glide, arrow] of [
-        [glides.force, force],
-        [glides.moment, moment],
-      ] as const) {
-        glide.goal = arrow.vector === null ? 0 : Math.hypot(...arrow.vector) / arrow.much;
-        if (atOnce) glide.shown = glide.goal;
-        moving ||= glide.shown !== glide.goal;
-      }
-    }
-    return moving;
+  constructor(schema: Schema) {
+    this.#table = new WrenchTable(schema);
+    this.#glides = this.#table.wrenches.map(() => ({ force: new Glide(), moment: new Glide() }));
+  }
+
+  static can(schema: Schema): boolean {
+    return new WrenchTable(schema).wrenches.length > 0;
+  }
+
+  read({ codes, limits }: SignFrame): void {
+    const atOnce = prefersReducedMotion();
+    this.#table.read(codes, limits).forEach(({ force, moment }, i) => {
+      this.#glides[i]!.force.follow(force, atOnce);
+      this.#glides[i]!.moment.follow(moment, atOnce);
+    });
   }
 
   advance(seconds: number): boolean {
     let moved = false;
-    for (const { force, moment } of this.#glides.values()) {
+    for (const { force, moment } of this.#glides) {
       moved = force.advance(seconds) || moved;
       moved = moment.advance(seconds) || moved;
     }
     return moved;
   }
 
-  /** Adds its strokes. `reach`: the robot's radius, m; `scale`: factor of the length of arrows; `unread`: the paint of a sensor
-   *  without a reading; `feet`: sensors at which balance draws its own marks, so that a reading there gets no ring. */
-  draw(
-    strokes: Strokes,
-    body: PosedBody | null,
-    reach: number,
-    scale: number,
-    paint: (level: Level) => Paint,
-    unread: Paint,
-    feet: readonly { readonly name: string }[] = [],
-  ): void {
-    this.shown.length = 0;
-    if (body === null) return;
-    for (const { site, name, mount, force, moment } of this.#wrenches) {
+  draw(picture: SignPicture): void {
+    const { body, colors, feet } = picture;
+    this.drawn.length = 0;
+    this.#table.wrenches.forEach(({ site, name, mount, force, moment }, i) => {
       const worldFromLink = body.linkMatrix(mount.link ?? '')?.elements;
-      if (worldFromLink === undefined) continue; // a link that this model does not have
+      if (worldFromLink === undefined) return; // a link that this model does not have
       const linkFromSensor = quatOfRpy(mount.rpy);
       const sensor: Sensor = {
         at: pointThrough(worldFromLink, mount.xyz),
         inWorld: (direction) => directionThrough(worldFromLink, rotateVector(linkFromSensor, direction)),
       };
       const silent = force.level === 'ok' && (lacks(force) || lacks(moment));
+      const unread = { color: colors.stale, through: true };
+      // balance draws its own marks at feet
       if (silent || !feet.some((foot) => foot.name === site))
-        drawFlange(strokes, sensor, reach, silent ? unread : paint(force.level));
-      const glides = this.#glides.get(site)!;
-      const arrow = drawForce(strokes, sensor, force, glides.force.shown, reach, scale, paint(force.level));
-      const { sweep, lines } = drawMoment(
-        strokes,
-        sensor,
-        moment,
-        glides.moment.shown,
-        reach,
-        scale,
-        paint(moment.level),
-      );
-      this.shown.push({
+        drawFlange(picture, sensor, silent ? unread : levelPaint(picture, force.level));
+      const glides = this.#glides[i]!;
+      const arrow = drawForce(picture, sensor, force, glides.force.shown);
+      const { sweep, lines } = drawMoment(picture, sensor, moment, glides.moment.shown);
+      this.drawn.push({
         site,
         name,
         force: shownOf(force, arrow.size),
@@ -156,8 +158,50 @@ export class WrenchOverlay {
         tip: arrow.tip,
         lines: [[sensor.at, arrow.tip], ...lines],
       });
-    }
+    });
+    // so that each of two feet keeps its own side even if the robot stands on one
+    const places = this.drawn.map(({ at }) => at);
+    if (places.length > 0)
+      picture.middle = places.reduce<Vec3>((sum, at) => addScaled(sum, at, 1 / places.length), [0, 0, 0]);
   }
+
+  labels({ frame: { language } }: SignPicture): SignLabel[] {
+    return this.drawn.flatMap((wrench) => labelOf(wrench, language));
+  }
+}
+
+const NO_READING: Readonly<Record<SignLanguage, string>> = { en: 'no reading', ko: '측정값 없음' };
+/** A moment with a smaller sweep (rad) gets no label while its level is ok. */
+const QUIET_SWEEP = 0.35;
+
+function labelOf(
+  { site, name, force, moment, tip, lines }: ShownWrench,
+  language: SignLanguage,
+): SignLabel[] {
+  const parts: string[] = [];
+  if (force !== null) parts.push(worded(force.value, 'N', 0));
+  if (moment !== null && (moment.size > QUIET_SWEEP || moment.level !== 'ok' || moment.value === null))
+    parts.push(worded(moment.value, 'N·m', 1));
+  if (parts.length === 0) return [];
+  const quiet = force?.value === null || moment?.value === null;
+  const text = quiet ? `${name}: ${NO_READING[language]}` : parts.join(' · ');
+  return [
+    {
+      key: `wrench-${site}`,
+      text,
+      level: worseOf(force?.level ?? 'ok', moment?.level ?? 'ok'),
+      quiet,
+      at: tip,
+      lines,
+      explain: ['signs.force', ...(text.includes('N·m') ? ['signs.moment'] : []), 'signs.levels'],
+    },
+  ];
+}
+
+function worded(value: number | null, unit: string, decimals: number): string {
+  if (value === null) return '—';
+  const display = displayOf(unit, 'rad');
+  return `${formatNumber(value, { ...display, decimals: Math.min(display.decimals, decimals) }).trim()} ${display.unit}`;
 }
 
 function shownOf(arrow: Arrow, size: number): ShownArrow | null {
@@ -169,22 +213,22 @@ function lacks(arrow: Arrow): boolean {
 }
 
 /** Draws a small ring at the sensor, so that its place is visible even if it measures nothing. */
-function drawFlange(strokes: Strokes, { at, inWorld }: Sensor, reach: number, paint: Paint): void {
+function drawFlange({ strokes, reach }: SignPicture, { at, inWorld }: Sensor, paint: Paint): void {
   strokes.arc(at, inWorld([0, 0, 1]), inWorld([1, 0, 0]), 2 * Math.PI, reach * FLANGE, reach * 0.005, paint);
 }
 
+/** `part`: its length relative to that at the limit. */
 function drawForce(
-  strokes: Strokes,
+  picture: SignPicture,
   { at, inWorld }: Sensor,
   arrow: Arrow,
   part: number,
-  reach: number,
-  scale: number,
-  paint: Paint,
 ): { size: number; tip: Vec3 } {
+  const { strokes, reach } = picture;
   const along = arrow.vector === null ? NOWHERE : inWorld(arrow.vector);
   if (part < LEAST || dot(along, along) < 0.5) return { size: 0, tip: at };
-  const length = Math.min(part, MOST) * AT_LIMIT * reach * scale;
+  const paint = levelPaint(picture, arrow.level);
+  const length = Math.min(part, MOST) * AT_LIMIT * reach * picture.frame.settings.arrowScale;
   const heads = HEADS[arrow.level];
   const head = Math.min(HEAD * reach, length / (1 + 0.6 * (heads - 1)));
   const wide = HEAD_WIDE * reach * Math.sqrt(head / (HEAD * reach));
@@ -202,18 +246,17 @@ const CHORDS = 8;
 
 /** Draws the arc of a moment; returns the swept angle (rad), and its chords. */
 function drawMoment(
-  strokes: Strokes,
+  picture: SignPicture,
   { at, inWorld }: Sensor,
   arrow: Arrow,
   part: number,
-  reach: number,
-  scale: number,
-  paint: Paint,
 ): { sweep: number; lines: [Vec3, Vec3][] } {
+  const { strokes, reach } = picture;
   const axis = arrow.vector === null ? NOWHERE : inWorld(arrow.vector);
   if (part < LEAST || dot(axis, axis) < 0.5) return { sweep: 0, lines: [] };
+  const paint = levelPaint(picture, arrow.level);
   const sweep = Math.min(part * SWEEP_AT_LIMIT, MOST_SWEEP);
-  const radius = ARC * reach * Math.min(scale, 1.6);
+  const radius = ARC * reach * Math.min(picture.frame.settings.arrowScale, 1.6);
   // Half on either side of the top, where it is most visible.
   const top = rejectFrom([0, 0, 1], axis);
   const start = rotateAbout(

@@ -1,12 +1,15 @@
 import { JOINT, type Level, type Schema, type Threshold } from '@posecast/wire';
-import { type LimitedName, numberOf } from '../joints.ts';
-import { LevelLatch, type ValueLimits, worseOf } from '../limits.ts';
-import { valueAt } from '../values.ts';
+import type { LinkTint, PosedBody } from '../../model/posed_body.ts';
+import { jointOfLinks } from '../../model/posed_body.ts';
+import { type LimitedName, numberOf } from '../../twin/joints.ts';
+import { LevelLatch, type ValueLimits, worseOf } from '../../twin/limits.ts';
+import { valueAt } from '../../twin/values.ts';
+import { levelPaint, type Sign, type SignFrame, type SignPicture, type SignSettings } from './sign.ts';
 
 export type LoadField = LimitedName;
 
 /** How loaded one joint is. */
-export interface Load {
+export interface JointLoad {
   /** 0 at rest … 1 at or beyond its limit; null: no reading. */
   part: number | null;
   level: Level;
@@ -31,7 +34,7 @@ export class LoadTable {
   readonly #field: LoadField;
   /** The start of the colour scale. */
   readonly #rest: number;
-  readonly #loads = new Map<string, Load>();
+  readonly #loads = new Map<string, JointLoad>();
   readonly #latches: readonly LevelLatch[];
   readonly #jointsOf: ReadonlyMap<string, readonly string[]>;
   #largest = 0;
@@ -56,7 +59,7 @@ export class LoadTable {
   }
 
   /** URDF joint → load, the highest of the channels that move it. Always the same map. */
-  read(codes: Int32Array, limits: ValueLimits): ReadonlyMap<string, Load> {
+  read(codes: Int32Array, limits: ValueLimits): ReadonlyMap<string, JointLoad> {
     const field = this.#schema.field(this.#field);
     this.#loads.clear();
     for (let index = 0; index < (field?.size ?? 0); index += 1) {
@@ -115,4 +118,95 @@ export class LoadTable {
 
 function fullOf({ low, high }: Threshold): number {
   return high ?? Math.abs(low ?? 0);
+}
+
+/** Paints each link by the load of the joint that moves it; links fixed to it get the same colour. */
+export class Load implements Sign {
+  static readonly key = 'loads';
+  readonly #schema: Schema;
+  #table: LoadTable | null = null;
+  #field: SignSettings['load'] = 'off';
+  #limits: ValueLimits | null = null;
+  #loads: ReadonlyMap<string, JointLoad> | null = null;
+  #body: PosedBody | null = null;
+  /** Link → the joint that moves it, or null. */
+  #jointOf: ReadonlyMap<string, string | null> = new Map();
+  readonly #colors = new Map<string, number>();
+
+  constructor(schema: Schema) {
+    this.#schema = schema;
+  }
+
+  /** The fields that can colour a robot's body. */
+  static fieldsOf(schema: Schema): readonly LoadField[] {
+    return (['cur', 'temp'] as const).filter((field) => LoadTable.has(schema, field));
+  }
+
+  static can(schema: Schema): boolean {
+    return Load.fieldsOf(schema).length > 0;
+  }
+
+  static shown({ load }: SignSettings): boolean {
+    return load !== 'off';
+  }
+
+  /** Link → #rrggbb. */
+  get drawn(): Readonly<Record<string, string>> {
+    const css = (color: number) => `#${color.toString(16).padStart(6, '0')}`;
+    return Object.fromEntries([...this.#colors].map(([link, color]) => [link, css(color)]));
+  }
+
+  /** The meaning of the colours; null for a robot without this reading. */
+  get scale(): LoadScale | null {
+    return this.#limits === null ? null : (this.#table?.scale(this.#limits) ?? null);
+  }
+
+  read({ codes, limits, settings: { load } }: SignFrame): void {
+    if (load !== this.#field) {
+      this.#field = load;
+      const has = load !== 'off' && LoadTable.has(this.#schema, load);
+      this.#table = has ? new LoadTable(this.#schema, load) : null;
+    }
+    this.#limits = limits;
+    this.#loads = this.#table?.read(codes, limits) ?? null;
+  }
+
+  draw(picture: SignPicture): void {
+    const { body, tints } = picture;
+    if (body !== this.#body) {
+      this.#body = body;
+      this.#jointOf = jointOfLinks(body);
+    }
+    this.#colors.clear();
+    if (this.#loads === null) return;
+    const fault = levelPaint(picture, 'fault').color;
+    for (const [link, joint] of this.#jointOf) {
+      const tint = tintOf(joint === null ? undefined : this.#loads.get(joint), fault);
+      this.#colors.set(link, tint.color);
+      tints.set(link, tint);
+    }
+  }
+}
+
+/** `fault`: the colour (sRGB) of a joint past its limit, which is also hatched. */
+function tintOf(load: JointLoad | undefined, fault: number): LinkTint {
+  if (load === undefined || load.part === null) return { color: NO_LOAD, hatched: load?.level === 'fault' };
+  const hatched = load.level === 'fault';
+  return { color: hatched ? fault : loadColor(load.part), hatched };
+}
+
+/** Load colours from rest to limit, sRGB, also ordered from bright to dark, so that colour-blind people see the order. */
+const RAMP = [0xcfd8e6, 0xd9cfa8, 0xe8bf57, 0xdd8b26, 0xb4531a] as const;
+/** Colour of a link without a load reading. */
+export const NO_LOAD = 0x7f8894;
+
+/** The colour (sRGB 0xrrggbb) of a load: 0 at rest … 1 at the limit. */
+export function loadColor(part: number): number {
+  const at = Math.min(1, Math.max(0, part)) * (RAMP.length - 1);
+  const low = Math.min(RAMP.length - 2, Math.floor(at));
+  const mix = (shift: number) => {
+    const [a, b] = [(RAMP[low]! >> shift) & 255, (RAMP[low + 1]! >> shift) & 255];
+    return Math.round(a + (b - a) * (at - low)) << shift;
+  };
+  return mix(16) | mix(8) | mix(0);
 }

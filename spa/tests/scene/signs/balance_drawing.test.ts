@@ -1,44 +1,20 @@
-import { parseSchema } from '@posecast/wire';
 import { expect, it } from 'vitest';
 import { BalanceReader } from '../../../src/model/balance/balance_reader.ts';
 import type { PosedBody } from '../../../src/model/posed_body.ts';
-import { BalanceOverlay } from '../../../src/scene/signs/balance/balance_overlay.ts';
-import { Facets } from '../../../src/scene/signs/balance/shapes.ts';
-import type { BalanceStyle } from '../../../src/scene/signs/balance_drawing.ts';
-import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
+import { BalanceDrawing, type BalanceReadings } from '../../../src/scene/signs/balance_drawing.ts';
+import type { Facets } from '../../../src/scene/signs/strokes.ts';
 import { limitsBy, marginLimits, StanceJudge } from '../../../src/twin/balance/stance.ts';
-import type { BalanceReadings } from '../../../src/twin/overlay/reader.ts';
+
 import type { Pose } from '../../../src/twin/playback/pose.ts';
+import { NO_JOINTS } from '../../../src/twin/playback/pose.ts';
 import type { Vec3 } from '../../../src/twin/rotation.ts';
 import { sampleLeg } from '../../rigs/leg_sample.ts';
+import { legSchema, signFrame, signPicture } from '../../rigs/signs.ts';
 
-const COMPONENTS = ['fx', 'fy', 'fz'].map((one) => `F.${one}`);
-const MOMENTS = ['mx', 'my', 'mz'].map((one) => `F.${one}`);
-
-const SCHEMA = parseSchema(
-  JSON.stringify({
-    ...{ type: 'schema', v: 1, robot: 'Leg' },
-    labels: { joint: ['knee'], ftf: COMPONENTS, ftm: MOMENTS },
-    fields: [
-      { name: 'pos', unit: 'rad', scale: 0.001, labels: 'joint' },
-      { name: 'ftf', unit: 'N', scale: 1, labels: 'ftf' },
-      { name: 'ftm', unit: 'Nm', scale: 0.01, labels: 'ftm' },
-    ],
-    mapping: {
-      sensors: { F: { kind: 'wrench', name: 'foot', link: 'foot' } },
-      balance: { feet: ['F'], ground: 'measured' },
-    },
-  }),
-);
-
-const STYLE: BalanceStyle = {
-  reach: 0.5,
-  tones: OVERLAY_COLORS.dark,
-  palette: 'standard',
-  angle: 'rad',
-  live: true,
+const SCHEMA = legSchema({ mapping: { balance: { feet: ['F'], ground: 'measured' } } });
+const READINGS: BalanceReadings = {
+  ...{ schema: SCHEMA, choice: 'on', limits: null, joints: [], anchored: true, lead: null },
 };
-const READINGS: BalanceReadings = { schema: SCHEMA, choice: 'on', limits: null, joints: [], anchored: true };
 
 /** A leg of 40 kg whose mass is `aside` from the middle of its foot, m; the foot is 250 mm long and 100 mm wide. */
 function leg({ aside = 0, masses = true } = {}): PosedBody & ReturnType<typeof sampleLeg> {
@@ -63,21 +39,31 @@ function pose(fz: number | null, tS = 1, my = 0): Pose {
   const axes = [0, 1, 2];
   const force = { vector: fz === null ? null : ([0, 0, fz] as Vec3), axes };
   const moment = { vector: fz === null ? null : ([0, my, 0] as Vec3), axes };
-  return { joints: new Map(), base: null, tS, wrenches: [{ site: 'F', force, moment }] };
+  return { joints: NO_JOINTS, base: null, tS, wrenches: [{ site: 'F', force, moment }] };
+}
+
+/** Draws one picture of a robot's balance. */
+function draw(
+  signs: BalanceDrawing,
+  body: PosedBody,
+  shownPose: Pose | null,
+  readings: Partial<BalanceReadings> = {},
+  given: Parameters<typeof signFrame>[1] = {},
+): Facets {
+  const picture = signPicture(signFrame({}, given), { body, pose: shownPose });
+  const facets = picture.facets!;
+  facets.begin();
+  signs.draw(picture, facets, { ...READINGS, ...readings });
+  facets.end();
+  return facets;
 }
 
 function drawn(
-  body: PosedBody | null,
-  shownPose: Pose | null,
-  readings: Partial<BalanceReadings> = {},
-  style: Partial<BalanceStyle> = {},
+  ...[body, shownPose, ...given]: Parameters<typeof draw> extends [unknown, ...infer R] ? R : never
 ) {
-  const facets = new Facets();
-  const signs = new BalanceOverlay(facets);
-  facets.begin();
-  signs.draw(body, shownPose, { ...READINGS, ...readings }, { ...STYLE, ...style });
-  facets.end();
-  return { ...signs.shown, count: facets.count, labels: signs.labels() };
+  const signs = new BalanceDrawing();
+  const { count } = draw(signs, body, shownPose, ...given);
+  return { ...signs.shown, count, labels: signs.labels };
 }
 
 it('shows the mass, what holds it and how much is left, with the number at the nearest edge', () => {
@@ -114,8 +100,7 @@ it.each([
   const thigh = { elements: Array.from(body.linkMatrix('thigh')!.elements) };
   const linkMatrix = body.linkMatrix.bind(body);
   Object.assign(body, { linkMatrix: (name: string) => (name === 'thigh' ? thigh : linkMatrix(name)) });
-  const facets = new Facets();
-  const signs = new BalanceOverlay(facets);
+  const signs = new BalanceDrawing();
   const [reader, judge] = [new BalanceReader(body.manifest, SCHEMA), new StanceJudge()];
   const words = limits === null ? marginLimits(null) : limitsBy(limits, 'profile');
   // to the amber edge, a little back, well back; outside, and then back in so fast that it comes to rest inside
@@ -123,8 +108,7 @@ it.each([
   const found = course.map((aside, i) => {
     thigh.elements[13] = aside;
     const now = pose(392, i < 4 ? i / 30 : 2 + i / 30);
-    facets.begin();
-    signs.draw(body, now, { ...READINGS, limits }, STYLE);
+    draw(signs, body, now, { limits });
     const balance = reader.ofBody(body, reader.wrenchesOf(now.wrenches!), now.tS!);
     const { level = null, kind = null } = judge.next(balance, 0, words) ?? {};
     expect(signs.shown?.level).toBe(level);
@@ -135,7 +119,6 @@ it.each([
 });
 
 it('what is not known is not drawn', () => {
-  expect(drawn(null, pose(392)).count).toBe(0);
   expect(drawn(leg(), null).count).toBe(0);
   const none = { count: 0, centreOfMass: null, polygon: [], marginM: null, labels: [] };
   expect(drawn(leg(), { ...pose(392), unturned: true })).toMatchObject(none);
@@ -153,7 +136,7 @@ it('what is not known is not drawn', () => {
 
   const unread = drawn(leg(), pose(null));
   expect(unread).toMatchObject({ polygon: [], pressure: null, feet: [{ bears: null, pressure: null }] });
-  expect(drawn(leg(), { joints: new Map(), base: null }).polygon, 'a pose without wrenches').toEqual([]);
+  expect(drawn(leg(), { joints: NO_JOINTS, base: null }).polygon, 'a pose without wrenches').toEqual([]);
 });
 
 it('marks a foot that begins to tip', () => {
@@ -169,21 +152,14 @@ it('the selected joint has its way between its limits, and what is left of it in
   expect(shown.joints).toEqual([{ joint: 'knee', left: 0.1, slides: false }]);
   expect(shown.labels.map(({ key }) => key)).toEqual(['margin', 'left-knee']);
   expect(shown.labels[1]!.text).toBe('0.10 rad');
-  const degrees = drawn(body, pose(392), { joints: ['knee'] }, { angle: 'deg' });
+  const degrees = drawn(body, pose(392), { joints: ['knee'] }, { settings: { angle: 'deg' } });
   expect(degrees.labels[1]!.text).toBe('5.7 °');
 });
 
-it('is grey, words too, when the pose is old', () => {
-  const { labels } = drawn(leg(), pose(392), {}, { live: false });
-  expect(labels.map(({ old }) => old)).toEqual([true]);
-});
-
 it('another model or schema begins anew', () => {
-  const facets = new Facets();
-  const signs = new BalanceOverlay(facets);
+  const signs = new BalanceDrawing();
   const step = (body: PosedBody, tS: number, fz: number) => {
-    facets.begin();
-    signs.draw(body, pose(fz, tS), READINGS, STYLE);
+    draw(signs, body, pose(fz, tS));
     return signs.shown?.footprints;
   };
   const body = leg();
@@ -193,13 +169,13 @@ it('another model or schema begins anew', () => {
 });
 
 it('tells what a picture costs', () => {
-  const [facets, body] = [new Facets(), leg()];
-  const signs = new BalanceOverlay(facets);
+  const [signs, picture] = [new BalanceDrawing(), signPicture(undefined, { body: leg() })];
+  const facets = picture.facets!;
   const begunMs = performance.now();
   const pictures = 500;
   for (let i = 0; i < pictures; i += 1) {
     facets.begin();
-    signs.draw(body, pose(392, i / 60), READINGS, STYLE);
+    signs.draw({ ...picture, pose: pose(392, i / 60) }, facets, READINGS);
     facets.end();
   }
   const ms = (performance.now() - begunMs) / pictures;

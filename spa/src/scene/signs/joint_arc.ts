@@ -1,4 +1,4 @@
-import type { PosedBody } from '../../../model/posed_body.ts';
+import type { PosedBody } from '../../model/posed_body.ts';
 import {
   addScaled,
   directionThrough,
@@ -7,15 +7,14 @@ import {
   rejectFrom,
   rotateAbout,
   scale,
-} from '../../../model/vectors.ts';
-import { coarseDisplay, displayOf, formatNumber } from '../../../twin/format.ts';
-import { limitMargin } from '../../../twin/limits.ts';
-import type { Vec3 } from '../../../twin/rotation.ts';
-import type { BalanceStyle, ShownJoint } from '../balance_drawing.ts';
-import type { OverlayLabel } from '../labels.ts';
-import { limbAcross } from '../limb_across.ts';
-import type { Paint } from '../picture_numbers.ts';
-import { type BalancePaints, drawRod, type Facets, faint, fillRing, type Spot } from './shapes.ts';
+} from '../../model/vectors.ts';
+import { coarseDisplay, displayOf, formatNumber } from '../../twin/format.ts';
+import { limitMargin } from '../../twin/limits.ts';
+import type { Vec3 } from '../../twin/rotation.ts';
+import { type BalancePaints, drawRod, faint, fillRing, type Spot } from './balance_shapes.ts';
+import { limbAcross } from './deviations.ts';
+import type { SignLabel, SignPicture } from './sign.ts';
+import type { Facets, Paint } from './strokes.ts';
 
 /** Sizes in radii of the robot. */
 const RADIUS = 0.2;
@@ -23,10 +22,18 @@ const BAND = 0.035;
 const NEEDLE = 0.006;
 const STOP = 0.007;
 
+/** A joint whose limits are drawn. */
+export interface ShownJoint {
+  readonly joint: string;
+  /** Distance to the nearer limit, rad or m; negative beyond it. */
+  readonly left: number;
+  readonly slides: boolean;
+}
+
 /** A joint whose limits are drawn, with the remaining range in words. */
 export interface DrawnJoint {
   readonly shown: ShownJoint;
-  readonly label: OverlayLabel;
+  readonly label: SignLabel;
 }
 
 interface JointPaints {
@@ -41,23 +48,22 @@ interface JointPaints {
 /** Draws the range of joints between their limits. Skips joints that the model lacks or that have no limits. */
 export function drawJointLimits(
   facets: Facets,
-  body: PosedBody,
+  { body, reach, colors, frame }: SignPicture,
   names: readonly string[],
-  { reach, angle, live, tones }: BalanceStyle,
   { mass }: Pick<BalancePaints, 'mass'>,
 ): DrawnJoint[] {
-  const accent = { color: live ? tones.accent : tones.stale, through: true };
+  const accent = { color: frame.live ? colors.accent : colors.stale, through: true };
   const paints = { way: faint(mass, 0.22), left: accent, now: mass };
   return names.flatMap((name) => {
     const drawn = drawJoint(facets, body, name, reach, paints);
     if (drawn === null) return [];
     const { at, ...shown } = drawn;
-    const display = displayOf(shown.slides ? 'm' : 'rad', angle);
+    const display = displayOf(shown.slides ? 'm' : 'rad', frame.settings.angle);
     const text = `${formatNumber(shown.left, coarseDisplay(display)).trim()} ${display.unit}`;
     const level = shown.left < 0 ? 'caution' : 'ok';
-    const label: OverlayLabel = {
-      ...{ key: `left-${name}`, text, level, quiet: false, old: !live },
-      ...{ at, middle: at, lines: [[at, at]] },
+    const label: SignLabel = {
+      ...{ key: `left-${name}`, text, level, at, middle: at, lines: [[at, at]] },
+      explain: ['balance.room'],
     };
     return [{ shown, label }];
   });

@@ -1,0 +1,50 @@
+import '../shell/styles/signs.css';
+import { RobotSigns, SIGNS } from '../../scene/signs/signs.ts';
+import { isOld } from '../../twin/liveness.ts';
+import { isolated, wordsOfName } from '../../twin/names.ts';
+import type { RobotLink } from '../state/robot_link.ts';
+import { onSettings, settings } from '../state/settings.ts';
+import { onSelection, selection } from '../state/viewing.ts';
+import { languageTag, onLanguage } from '../text/language.ts';
+
+/** Feeds a robot's signs with each new frame, outside React, and `show`s them. They follow settings and language. Returns the signs,
+ *  and a function that stops it. */
+export function bindSigns(
+  show: (signs: RobotSigns) => void,
+  { twin, watch }: RobotLink,
+): { signs: RobotSigns; stop: () => void } {
+  const signs = new RobotSigns();
+  const nameOf = (channel: string) => {
+    const words = settings().names === 'words' ? wordsOfName(twin.schema, channel, languageTag()) : null;
+    return isolated(words ?? channel);
+  };
+  const follow = () => {
+    const { schema, state, limits, lead } = twin;
+    if (schema === null || state === null || limits === null) signs.read(null);
+    else
+      signs.read({
+        ...{ schema, limits, lead, nameOf, codes: state.codes, tS: state.tS },
+        joint: selection()?.joint ?? null,
+        live: !isOld(watch.verdict()),
+        settings: settings(),
+        language: languageTag(),
+      });
+    show(signs);
+  };
+  const leave = [
+    twin.onState(follow),
+    twin.onChange(follow),
+    onSettings(follow),
+    onLanguage(follow),
+    watch.onWord(follow),
+    onSelection(follow),
+    ...SIGNS.flatMap(({ part }) => part?.subscribe(follow) ?? []),
+  ];
+  follow();
+  return {
+    signs,
+    stop: () => {
+      for (const off of leave) off();
+    },
+  };
+}
