@@ -10,7 +10,6 @@ from contextlib import closing
 from pathlib import Path
 
 import bag_stage
-import mcap_stage
 import ros_stage
 import rosbridge_stage
 from mcap.writer import CompressionType
@@ -87,14 +86,14 @@ def mujoco_work(given: Input, folder: Path) -> Work:
 
 
 def bag(compression: CompressionType = CompressionType.NONE, encoding: str = "cdr", count: int = 5) -> bytes:
-    made = mcap_stage.Bag(compression, 400)
+    made = bag_stage.Bag(compression, 400)
     for k in range(count):
-        t_ns = mcap_stage.BEGAN_NS + k * mcap_stage.STEP_NS
-        data = mcap_stage.joint_state(t_ns, A=k / 10, B=0.2)
+        t_ns = bag_stage.BEGAN_NS + k * bag_stage.STEP_NS
+        data = bag_stage.joint_state(t_ns, A=k / 10, B=0.2)
         if encoding == "json":
             data = json.dumps(rosbridge_stage.joint_state(t_ns * 1e-9, ["A"], [1.0])).encode()
         made.add("/joint_states", "sensor_msgs/msg/JointState", t_ns, data, encoding)
-        made.add("/foot", "geometry_msgs/msg/WrenchStamped", t_ns, mcap_stage.wrench(t_ns, "f", *range(6)))
+        made.add("/foot", "geometry_msgs/msg/WrenchStamped", t_ns, bag_stage.wrench(t_ns, "f", *range(6)))
     made.add("/robot_description", "std_msgs/msg/String", t_ns, ros_stage.text_message("<robot/>"))
     return made.finish()
 

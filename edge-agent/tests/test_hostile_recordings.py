@@ -6,8 +6,8 @@ import struct
 from pathlib import Path
 
 import pytest
+from bag_stage import BEGAN_NS, Bag, joint_state
 from mcap.writer import CompressionType
-from mcap_stage import BEGAN_NS, Bag, joint_state
 from parser_stage import held_bytes
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.files.csv import MAX_LINE, Table

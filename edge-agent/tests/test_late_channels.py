@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import mcap_stage
+import bag_stage
 import pytest
 from edge_stage import ROBOT, Router
 from posecast_edge.agent import Agent, AgentSettings
@@ -177,17 +177,17 @@ def recording(kind: str, folder: Path) -> str:
         lines = [{"t": t, "pos": dict.fromkeys(ARM if t < 2 else ARM + FINGER, t % 1)} for t in times]
         path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
         return f"jsonl:{path}"
-    bag = mcap_stage.Bag()
+    bag = bag_stage.Bag()
     for t in times:
-        t_ns = mcap_stage.BEGAN_NS + round(t * 1e9)
+        t_ns = bag_stage.BEGAN_NS + round(t * 1e9)
         bag.add(
             "/joint_states",
             "sensor_msgs/msg/JointState",
             t_ns,
-            mcap_stage.joint_state(t_ns, shoulder=t % 1, elbow=0.5),
+            bag_stage.joint_state(t_ns, shoulder=t % 1, elbow=0.5),
         )
         if t >= 2:
-            data = mcap_stage.joint_state(t_ns, finger=t % 1)
+            data = bag_stage.joint_state(t_ns, finger=t % 1)
             bag.add("/gripper/joint_states", "sensor_msgs/msg/JointState", t_ns, data)
     path.write_bytes(bag.finish())
     return f"mcap:{path}"

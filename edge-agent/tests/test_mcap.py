@@ -16,8 +16,8 @@ from posecast_edge.sources.registry import open_source
 
 mcap = pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
 
+from bag_stage import BEGAN_NS, STEP_NS, Bag, header, joint_state, wrench  # noqa: E402
 from mcap.writer import CompressionType  # noqa: E402
-from mcap_stage import BEGAN_NS, STEP_NS, Bag, header, joint_state, wrench  # noqa: E402
 from posecast_edge.sources.files.ros_recording import RosRecording  # noqa: E402
 from ros_stage import text_message  # noqa: E402
 
