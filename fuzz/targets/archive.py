@@ -7,7 +7,7 @@ from dataclasses import replace
 from posecast_relay.archive.deletion import KEY, make_stem
 from posecast_relay.archive.index import make_segment_record, pack_index, unpack_index
 from posecast_relay.archive.names import ArchivedName, is_unfinished, read_segment_key
-from posecast_relay.past.deletion_record import pack_deletion, unpack_deletion
+from posecast_relay.past.deletions import pack_deletion, unpack_deletion
 from posecast_relay.past.index import digest_page, list_shown, pack_day, unpack_day
 from posecast_relay.past.segment import SegmentName, pack_record, unpack_record
 from posecast_wire.segment import SegmentError, decode_segment

@@ -18,11 +18,10 @@ from posecast_relay.http.previews import Thumbnails
 from posecast_relay.models.cache import Absent, ModelCache, Unavailable
 from posecast_relay.models.picture import PICTURE_TYPES, SIDE_PX_MAX, PictureError, read_picture_size
 from posecast_relay.net.request import BadRequest, NoSuchStream, read_bearer, read_target
-from posecast_relay.past.documents import (
+from posecast_relay.past.address import (
     EVERY_STEPS,
     AddressError,
     PastSpan,
-    make_page,
     read_after,
     read_every,
     read_index,
@@ -32,6 +31,7 @@ from posecast_relay.past.documents import (
     write_day,
     write_minute,
 )
+from posecast_relay.past.documents import make_page
 from posecast_relay.past.segment import pack_record, unpack_record
 from posecast_relay.redis.messages import pack, unpack, unpack_state
 from posecast_wire import Snapshot

@@ -21,8 +21,7 @@ from posecast_relay.core.policy import PUBLIC
 from posecast_relay.core.stream import Stream
 from posecast_relay.core.viewer import Viewer
 from posecast_relay.http.robots import make_robot_summary
-from posecast_relay.redis import gateway as redis_gateway
-from posecast_relay.redis import store as redis_store
+from posecast_relay.redis import client as redis_client
 from posecast_relay.redis.gateway import RedisGateway
 from posecast_relay.redis.store import RedisStore
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore, NoSource
@@ -280,7 +279,7 @@ def linked(link: Callable[[str], Any] | None) -> Iterator[None]:
     if link is None:
         yield
         return
-    with patch.object(redis_store, "RedisClient", link), patch.object(redis_gateway, "RedisClient", link):
+    with patch.object(redis_client, "RedisClient", link):
         yield
 
 

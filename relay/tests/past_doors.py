@@ -157,6 +157,15 @@ class PastDoors:
         self.port = self.server.servers[0].sockets[0].getsockname()[1]
         self.base = f"http://127.0.0.1:{self.port}/api/v1/robots"
 
+    async def __aenter__(self) -> PastDoors:
+        """Serve until the end of the block."""
+        await self.start()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """End it."""
+        await self.stop()
+
     async def stop(self) -> None:
         """End it."""
         self.service.held.release()

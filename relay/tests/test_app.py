@@ -337,12 +337,8 @@ def test_a_frames_page_says_which_pages_may_frame_its_robot(relays: Any, page: P
 
 
 async def test_a_relay_without_a_page_says_so() -> None:
-    doors = PastDoors(None)
-    await doors.start()
-    try:
+    async with PastDoors(None) as doors:
         answer = await doors.client.get(f"http://127.0.0.1:{doors.port}/")
-    finally:
-        await doors.stop()
     assert (answer.status_code, answer.text) == (404, NO_PAGE)
     assert "--static DIR" in NO_PAGE
 

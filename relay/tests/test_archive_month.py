@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from posecast_relay.archive import reader
 from posecast_relay.archive.index import make_segment_record, mend_day, mend_page
-from posecast_relay.archive.names import DAY_MS, PAGE_MS, make_day_key, make_page_folder, name_segment
+from posecast_relay.archive.names import make_day_key, make_page_folder, name_segment
 from posecast_relay.core.policy import Audience, Rule
-from posecast_relay.past.documents import write_day, write_minute
+from posecast_relay.past.address import write_day, write_minute
 from posecast_relay.past.index import DayIndex, PageDigest, digest_page, pack_day
-from posecast_relay.past.segment import KeptSegment, TakeSpan
+from posecast_relay.past.segment import DAY_MS, PAGE_MS, KeptSegment, TakeSpan
 from posecast_wire.segment import EventRecord, Record, Segment, decode_segment, encode_segment
 
 from . import past_doors
@@ -108,41 +108,37 @@ RULES = {"r": {Audience.ANYONE: Rule(past_s=(MONTH_DAYS + 2) * 86400.0)}}
 async def test_any_minute_opens_with_few_requests_and_little_to_load(
     month: ArchiveWorld, page_ms: int
 ) -> None:
-    doors = month.make_doors(RULES)
-    await doors.start()
-    page = write_minute(page_ms)
-    summary = await doors.ask("")
-    assert len(summary.json()["days"]) == MONTH_DAYS + 1
-    assert summary.json()["from_ms"] == BEGIN
-    assert summary.json()["newest"] == {"take": f"{10:016x}", "index": 0}
-    day = await doors.ask(f"public/{write_day(page_ms)}")
-    assert len(day.json()["minutes"]) == 1440
-    index = await doors.ask(f"public/{page}")
-    segments = index.json()["segments"]
-    assert len(segments) == PAGE_MS // STEP_MS
-    keys = await doors.ask(f"public/{page}/keys")
-    schema = await doors.ask(f"public/schema/{segments[77]['schema']}")
-    answers = [summary, day, index, keys, schema]
-    assert {answer.status_code for answer in answers} == {200}
-    sizes = [len(answer.content) for answer in answers]
-    print(f"month: {len(answers)} requests, {sum(sizes)} bytes before the segment: {sizes}")
-    assert len(answers) <= 6
-    assert sum(sizes) <= 300_000
-    found = segments[77]
-    segment = await doors.ask(f"public/{found['take']}/{found['index']}")
-    assert segment.status_code == 200
-    assert decode_segment(segment.content).start.from_ms == found["from_ms"]
-    await doors.stop()
+    async with month.make_doors(RULES) as doors:
+        page = write_minute(page_ms)
+        summary = await doors.ask("")
+        assert len(summary.json()["days"]) == MONTH_DAYS + 1
+        assert summary.json()["from_ms"] == BEGIN
+        assert summary.json()["newest"] == {"take": f"{10:016x}", "index": 0}
+        day = await doors.ask(f"public/{write_day(page_ms)}")
+        assert len(day.json()["minutes"]) == 1440
+        index = await doors.ask(f"public/{page}")
+        segments = index.json()["segments"]
+        assert len(segments) == PAGE_MS // STEP_MS
+        keys = await doors.ask(f"public/{page}/keys")
+        schema = await doors.ask(f"public/schema/{segments[77]['schema']}")
+        answers = [summary, day, index, keys, schema]
+        assert {answer.status_code for answer in answers} == {200}
+        sizes = [len(answer.content) for answer in answers]
+        print(f"month: {len(answers)} requests, {sum(sizes)} bytes before the segment: {sizes}")
+        assert len(answers) <= 6
+        assert sum(sizes) <= 300_000
+        found = segments[77]
+        segment = await doors.ask(f"public/{found['take']}/{found['index']}")
+        assert segment.status_code == 200
+        assert decode_segment(segment.content).start.from_ms == found["from_ms"]
 
 
 async def test_a_link_to_a_segment_is_found_in_a_month(month: ArchiveWorld) -> None:
     """A cold process is asked for a segment, and for nothing before."""
-    doors = month.make_doors(RULES)
-    await doors.start()
-    first = (OPENED[1] - BEGIN) // STEP_MS
-    assert (await doors.ask(f"public/{10:016x}/{first + 20}")).status_code == 200
-    assert (await doors.ask(f"public/{11:016x}/{first + 20}")).status_code == 404
-    await doors.stop()
+    async with month.make_doors(RULES) as doors:
+        first = (OPENED[1] - BEGIN) // STEP_MS
+        assert (await doors.ask(f"public/{10:016x}/{first + 20}")).status_code == 200
+        assert (await doors.ask(f"public/{11:016x}/{first + 20}")).status_code == 404
 
 
 async def test_what_is_known_of_a_month_is_bounded(month: ArchiveWorld) -> None:

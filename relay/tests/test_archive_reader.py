@@ -8,12 +8,11 @@ from pathlib import Path
 
 import pytest
 from posecast_relay.archive import joined
-from posecast_relay.archive.names import DAY_MS, PAGE_MS
 from posecast_relay.archive.reader import OLD_S
 from posecast_relay.archive.store import ObjectStore
 from posecast_relay.core.policy import Audience, Rule
 from posecast_relay.past.memory import MemoryPast, MemoryPastSource
-from posecast_relay.past.segment import KeptSegment
+from posecast_relay.past.segment import DAY_MS, PAGE_MS, KeptSegment
 from posecast_testing import until_async
 
 from . import past_doors
@@ -102,20 +101,20 @@ async def test_who_plays_an_older_past_costs_no_more_than_the_segments(
     for segment in newer:
         front.add(segment, 0.0)
     world.unix_ms = START + 2 * PAGE_MS
-    doors = world.make_doors({"r": {Audience.ANYONE: Rule(past_s=86400.0)}}, MemoryPastSource(front))
-    await doors.start()
-    put_together, times = joined._put_together, 0
+    async with world.make_doors(
+        {"r": {Audience.ANYONE: Rule(past_s=86400.0)}}, MemoryPastSource(front)
+    ) as doors:
+        put_together, times = joined._put_together, 0
 
-    def count(*parts: Iterable[KeptSegment]) -> MemoryPast:
-        nonlocal times
-        times += 1
-        return put_together(*parts)
+        def count(*parts: Iterable[KeptSegment]) -> MemoryPast:
+            nonlocal times
+            times += 1
+            return put_together(*parts)
 
-    monkeypatch.setattr(joined, "_put_together", count)
-    for segment in (*older, *newer):
-        assert (await doors.ask(past_doors.address_of(segment))).content == segment.data
-    assert times == 0
-    after = f"public/{older[0].name.take:016x}/{len(older)}"
-    assert (await doors.ask(after)).json()["next"] == {"take": f"{5:016x}", "index": 0}
-    assert times == 1
-    await doors.stop()
+        monkeypatch.setattr(joined, "_put_together", count)
+        for segment in (*older, *newer):
+            assert (await doors.ask(past_doors.address_of(segment))).content == segment.data
+        assert times == 0
+        after = f"public/{older[0].name.take:016x}/{len(older)}"
+        assert (await doors.ask(after)).json()["next"] == {"take": f"{5:016x}", "index": 0}
+        assert times == 1

@@ -142,10 +142,7 @@ def test_a_day_in_its_life(start: Start, edges: Edges, bucket: Bucket) -> None:
 
 
 def test_a_store_that_takes_two_seconds_for_each_write(
-    start: Start,
-    edges: Edges,
-    bucket: Bucket,
-    proxy: Proxy,
+    start: Start, edges: Edges, bucket: Bucket, proxy: Proxy
 ) -> None:
     relay = start()
     proxy.put_s = 2.0
@@ -159,10 +156,7 @@ def test_a_store_that_takes_two_seconds_for_each_write(
 
 
 async def test_a_store_that_is_away_for_a_minute(
-    start: Start,
-    edges: Edges,
-    bucket: Bucket,
-    proxy: Proxy,
+    start: Start, edges: Edges, bucket: Bucket, proxy: Proxy
 ) -> None:
     relay = start()
     edge = edges(relay.zenoh)
@@ -186,23 +180,13 @@ async def test_a_store_that_is_away_for_a_minute(
     assert "nothing was lost" in relay.errors()
 
 
-def test_keys_that_are_wrong_for_a_while(
-    start: Start,
-    edges: Edges,
-    bucket: Bucket,
-    s3: S3Server,
-) -> None:
+def test_keys_that_are_wrong_for_a_while(start: Start, edges: Edges, bucket: Bucket, s3: S3Server) -> None:
     s3.kill()
     s3.start(secret="another")
     refuse_and_mend(start, edges, bucket, s3, "access denied: check its keys", s3.restart)
 
 
-def test_a_bucket_that_is_gone_for_a_while(
-    start: Start,
-    edges: Edges,
-    bucket: Bucket,
-    s3: S3Server,
-) -> None:
+def test_a_bucket_that_is_gone_for_a_while(start: Start, edges: Edges, bucket: Bucket, s3: S3Server) -> None:
     own = s3.folder / BUCKET
     own.rename(s3.folder.parent / "aside")
     refuse_and_mend(
@@ -212,10 +196,7 @@ def test_a_bucket_that_is_gone_for_a_while(
 
 
 def test_a_store_that_can_only_be_read_for_a_while(
-    start: Start,
-    edges: Edges,
-    bucket: Bucket,
-    s3: S3Server,
+    start: Start, edges: Edges, bucket: Bucket, s3: S3Server
 ) -> None:
     s3.kill()
     s3.start("--readonly")
@@ -239,24 +220,14 @@ def small_disk(s3: S3Server) -> Iterator[Path]:
     subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_disk_that_is_full_for_a_while(
-    small_disk: Path,
-    start: Start,
-    edges: Edges,
-    s3: S3Server,
-) -> None:
+def test_a_disk_that_is_full_for_a_while(small_disk: Path, start: Start, edges: Edges, s3: S3Server) -> None:
     filler = small_disk / "filler"
     filler.write_bytes(b"x" * 180_000)
     refuse_and_mend(start, edges, Bucket(s3), s3, "", filler.unlink)
 
 
 def refuse_and_mend(
-    start: Start,
-    edges: Edges,
-    bucket: Bucket,
-    server: S3Server,
-    why: str,
-    mend: Callable[[], object],
+    start: Start, edges: Edges, bucket: Bucket, server: S3Server, why: str, mend: Callable[[], object]
 ) -> None:
     """A store that says no: live goes on, one line says why; once it is mended all is there."""
     relay = start()
@@ -293,12 +264,7 @@ def test_another_writer_at_the_same_prefix_and_files_that_are_not_ours(
     assert all(path.read_text() == "mine" for path in foreign)
 
 
-def test_kill_nine_at_any_moment_of_a_write(
-    start: Start,
-    edges: Edges,
-    bucket: Bucket,
-    proxy: Proxy,
-) -> None:
+def test_kill_nine_at_any_moment_of_a_write(start: Start, edges: Edges, bucket: Bucket, proxy: Proxy) -> None:
     draw = random.Random(3)
     proxy.put_s = 0.3  # so that many moments lie within a write
     for _ in range(8):
@@ -324,11 +290,7 @@ def test_kill_nine_at_any_moment_of_a_write(
     assert all(read_segment_key(path.relative_to(bucket.folder).as_posix()) for path in files)
 
 
-def test_a_deletion_that_is_killed_in_the_middle(
-    start: Start,
-    edges: Edges,
-    bucket: Bucket,
-) -> None:
+def test_a_deletion_that_is_killed_in_the_middle(start: Start, edges: Edges, bucket: Bucket) -> None:
     relay = start()
     edge = edges(relay.zenoh)
     newest = await_segment(relay, edge, 8)

@@ -11,14 +11,7 @@ from pathlib import Path
 import pytest
 from posecast_relay.export import mcap_file
 from posecast_relay.export.csv_file import COLUMNS_MAX, FIRST_COLUMNS
-from posecast_relay.export.ros_messages import (
-    IMU,
-    JOINT_STATE,
-    LOG,
-    NUMBERS,
-    TRANSFORMS,
-    WRENCH,
-)
+from posecast_relay.export.ros_messages import IMU, JOINT_STATE, LOG, NUMBERS, TRANSFORMS, WRENCH
 from posecast_wire import Schema
 
 from .export_cases import BALANCE_COLUMNS

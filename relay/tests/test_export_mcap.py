@@ -225,15 +225,7 @@ def test_a_link_called_world_is_not_its_own_parent() -> None:
 
 
 @pytest.mark.parametrize(
-    ("manifest", "line"),
-    [
-        (None, "it is not here"),
-        (
-            b'{"v":1}',
-            NOT_BUILT,
-        ),
-        (b"x", "manifest: not JSON"),
-    ],
+    ("manifest", "line"), [(None, "it is not here"), (b'{"v":1}', NOT_BUILT), (b"x", "manifest: not JSON")]
 )
 def test_a_model_that_poses_nothing_is_told_once(manifest: bytes | None, line: str) -> None:
     text = build_schema_text("r", {"joint": ["lift"]}, [{"name": "pos", "labels": "joint"}])
@@ -246,8 +238,7 @@ def test_a_model_that_poses_nothing_is_told_once(manifest: bytes | None, line: s
 
 
 @pytest.mark.parametrize(
-    "event",
-    ["", "[]", '{"level":"fault"}', '{"level":["fault"],"text":"x"}', '{"level":"fault","text":5}'],
+    "event", ["", "[]", '{"level":"fault"}', '{"level":["fault"],"text":"x"}', '{"level":"fault","text":5}']
 )
 def test_what_is_no_event_is_left_out(event: str) -> None:
     text = build_schema_text("r", {"joint": ["a"]}, [{"name": "pos", "labels": "joint"}])

@@ -96,10 +96,7 @@ def broken(path: str, value: Any) -> bytes:
         (b"{", "manifest: not JSON"),
         (b"[]", "manifest: no object"),
         (b" " * (1 << 20) + b"{}", "manifest: over 1048576 bytes"),
-        (
-            broken("v", 1),
-            NOT_BUILT,
-        ),
+        (broken("v", 1), NOT_BUILT),
         (broken("links", []), "links: none"),
         (broken("links", ["a"] * 1001), "links: 1001 are too many"),
         (broken("links.1", "trunk"), "links: a name is used twice"),

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from posecast_relay.past.documents import (
-    DAY_MS,
-    PAGE_MS,
+from posecast_relay.past.address import (
     AddressError,
     PastSpan,
     read_after,
@@ -20,6 +18,7 @@ from posecast_relay.past.documents import (
     write_day,
     write_minute,
 )
+from posecast_relay.past.segment import DAY_MS, PAGE_MS
 
 
 def test_days_and_pages_are_of_utc_and_come_back_as_they_were() -> None:

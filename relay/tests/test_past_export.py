@@ -326,12 +326,7 @@ def test_a_disk_that_fills_up_leaves_nothing(tmp_path: Path, station: Station) -
         arguments += ["--page", str(page)] if name == "lecture" else []
         limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))  # noqa: E731
         done = subprocess.run(
-            [*COMMAND, *arguments],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-            preexec_fn=limit,
+            [*COMMAND, *arguments], capture_output=True, text=True, timeout=60, check=False, preexec_fn=limit
         )
         said = refusal(done)
         assert said == f"{tmp_path}/{name}: file too large; nothing of it is left"

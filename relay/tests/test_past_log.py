@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from posecast_relay.config.settings import parse
 from posecast_relay.core.policy import Audience, Policy, Rule
-from posecast_relay.past.deletion_record import make_deletion
 from posecast_relay.past.deletions import Deletions
 from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past_command.deletion import make_deletion
 from posecast_relay.server.past import CROWD_EVERY_S, ObedientMemory, PastLog, describe_past
 
 from .past_doors import PAGE_MS, make_kept

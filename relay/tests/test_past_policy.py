@@ -21,6 +21,8 @@ from posecast_relay.core.policy import (
     is_past_shown,
     list_lookers,
 )
+from posecast_relay.past import reading
+from posecast_relay.past.reading import HiddenSpans
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK
 NOBODY, SOMEBODY, GUEST = Principal(), Principal(S), Principal(L, "r")
@@ -144,3 +146,92 @@ def test_a_blackout_closes_the_past_and_leaves_a_hole_when_it_ends() -> None:
     assert may_look(granted, 0, audiences=stretches["lit"])
     assert not may_look(granted, 0, audiences=stretches["dark"])
     assert not may_look(replace(granted, by=L), 0, audiences=stretches["lit"])
+
+
+LATE = Rule(delay_s=10.0, past_s=600.0)
+
+
+@dataclass(frozen=True)
+class Recent:
+    """Four seconds that ended `ago_ms` before the rules changed."""
+
+    ago_ms: int
+    audiences: frozenset[Audience] = frozenset(Audience)
+
+    @property
+    def from_ms(self) -> int:
+        return self.to_ms - 4000
+
+    @property
+    def to_ms(self) -> int:
+        return NOW_MS - self.ago_ms
+
+
+def grant_late(rule: Rule = LATE) -> Grant:
+    found = Policy({"r": {A: rule}}).judge(Principal(), "r")
+    assert isinstance(found, Grant)
+    return found
+
+
+def change(*policies: Policy, knows_all: bool = True) -> HiddenSpans:
+    """The first one came a day before, all others now."""
+    found = HiddenSpans(knows_all)
+    found.set_policy(policies[0], NOW_MS - 86_400_000)
+    for policy in policies[1:]:
+        found.set_policy(policy, NOW_MS)
+    return found
+
+
+@pytest.mark.parametrize(
+    "after",
+    [
+        {A: Rule(delay_s=10.0, past_s=600.0, blackout=True)},
+        {A: Rule(delay_s=10.0, past_s=600.0, viewers=0)},
+        {A: Rule(delay_s=10.0, hz=10.0)},
+        {A: Rule("lab", delay_s=10.0, past_s=600.0)},
+        {A: Rule(past_s=600.0)},  # at once: what is on its way is shown to nobody
+        {S: LATE},
+        {},
+    ],
+)
+def test_what_is_on_its_way_when_it_ends_is_not_seen(after: dict[Audience, Rule]) -> None:
+    lit = Policy({"r": {A: LATE}})
+    found = change(lit, Policy({"r": after}), lit)
+    assert not found.has(grant_late(), Recent(10_000))  # was due
+    assert found.has(grant_late(), Recent(9_999))
+    assert found.has(grant_late(), Recent(0))
+    assert not found.has(grant_late(), Recent(-4001))  # began after it
+
+
+def test_what_goes_on_takes_nothing_back() -> None:
+    lit = Policy({"r": {A: LATE, S: Rule()}})
+    hidden = Policy({"r": {A: Rule(delay_s=10.0, past_s=0.0), S: Rule(blackout=True)}})
+    found = change(lit, hidden, lit, Policy({"r": {A: Rule(delay_s=5.0, past_s=60.0), S: Rule()}}))
+    assert not found.has(grant_late(), Recent(0))
+
+
+def test_a_robot_that_was_removed_has_no_past() -> None:
+    open_ = Policy({"r": {A: Rule()}})
+    found = change(open_, Policy({}), open_)
+    assert found.has(grant_late(Rule()), Recent(3_600_000))
+    assert not found.has(grant_late(Rule()), Recent(-4000))
+    assert not change(open_, open_).has(grant_late(Rule()), Recent(0))
+
+
+def test_what_was_before_the_process_is_not_for_who_sees_late() -> None:
+    before = Recent(86_400_000)
+    policy = Policy({"r": {A: LATE}})
+    assert change(policy, knows_all=False).has(grant_late(), before)
+    assert not change(policy, knows_all=True).has(grant_late(), before)
+    assert not change(policy, knows_all=False).has(grant_late(Rule()), before)
+
+
+def test_what_is_remembered_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reading, "SPANS_MAX", 2)
+    lit, dark = Policy({"r": {A: LATE}}), Policy({"r": {A: Rule(blackout=True)}})
+    found = HiddenSpans(knows_all=True)
+    for hour in range(4):
+        found.set_policy(lit, NOW_MS + 3_600_000 * hour)
+        found.set_policy(dark, NOW_MS + 3_600_000 * hour + 60_000)
+    assert found.has(grant_late(), Recent(-1_800_000))  # between two that have become one
+    assert not found.has(grant_late(), Recent(-9_000_000))

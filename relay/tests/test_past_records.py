@@ -28,8 +28,7 @@ def doc(**more: Any) -> bytes:
 
 
 @pytest.mark.parametrize(
-    "segment",
-    [SEGMENT, make_kept(0, 0, schema=None, audiences=frozenset(), events=(), take=(1 << 64) - 1)],
+    "segment", [SEGMENT, make_kept(0, 0, schema=None, audiences=frozenset(), events=(), take=(1 << 64) - 1)]
 )
 def test_a_record_says_all_but_the_bytes(segment: Any) -> None:
     found = unpack_record("r", "public", pack_record(segment))

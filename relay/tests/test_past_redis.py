@@ -5,26 +5,35 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import re
+from pathlib import Path
 from typing import Any
 
 import pytest
+from posecast_relay import kit
 from posecast_relay.core.policy import Audience, Rule
 from posecast_relay.past import routes, service
 from posecast_relay.past.segment import KeptSegment, PastEvent, pack_record
 from posecast_relay.redis import past_reader, past_writer
 from posecast_relay.redis.client import TIMEOUT_S
+from posecast_relay.redis.past_reader import BEGINNING, PastReplica
 from posecast_relay.redis.past_scripts import (
+    FORGOTTEN_MAX,
+    LEDGER,
     LedgerEntry,
     make_delete_call,
     schema_key,
     segment_key,
     stream_key,
 )
+from posecast_relay.redis.past_writer import RedisPastWriter
 from posecast_testing import until_async
 
 from .past_doors import DAY, PAGE, PAGE_MS, SCHEMA, SCHEMA_HASH, TAKE, address_of, link, make_kept
 from .past_redis import running
+from .redis_cluster import Cluster
 from .redis_server import Redis
+from .test_cluster import cluster
 
 A, S, L = Audience.ANYONE, Audience.SIGNED_IN, Audience.LINK
 RULES = {
@@ -395,3 +404,158 @@ async def test_a_segment_expires_with_the_window(redis_server: Redis) -> None:
         second = await fleet.keep(1, PAGE_MS + 4000)
         assert fleet.client.exists(segment_key(second.name)) == 1
         assert len([key for key in fleet.list_keys() if ":past:" in key and "schema" not in key]) == 1
+
+
+async def test_a_redis_that_is_full_now_and_then_is_two_lines(
+    redis_server: Redis, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with running(redis_server, None) as fleet:
+        tight = round(fleet.client.info("memory")["used_memory"] / 0.8)
+        fleet.client.config_set("maxmemory-policy", "volatile-lru")
+        for n in range(6):
+            fleet.client.config_set("maxmemory", (tight, 0, tight // 2, 0, tight, 0)[n])
+            await fleet.keep(n, PAGE_MS + 4000 * n)
+        assert (fleet.writer.written, fleet.writer.dropped) == (3, 3)
+        assert [line for line in caplog.messages if "room" in line] == []
+        monkeypatch.setattr(past_writer, "CALM_S", 0.0)
+        for n in (6, 7):
+            await fleet.keep(n, PAGE_MS + 4000 * n)
+        assert sum("maxmemory" in line for line in caplog.messages) == 1
+        assert sum("has had room" in line for line in caplog.messages) == 1
+
+
+@pytest.mark.parametrize(("queue_bytes", "told"), [(1 << 25, "nothing was lost"), (5000, "gateways lack ")])
+async def test_an_outage_is_a_gap_only_where_something_was_lost(
+    redis_server: Redis,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+    queue_bytes: int,
+    told: str,
+) -> None:
+    monkeypatch.setattr(past_writer, "QUEUE_BYTES", queue_bytes)
+    monkeypatch.setattr(kit, "CALM_S", 0.0)
+    async with running(redis_server, None) as fleet:
+        writer: RedisPastWriter = fleet.writer
+        await fleet.keep(0, PAGE_MS)
+        caplog.clear()  # a busy machine may have been late before
+        redis_server.kill()
+        for n in range(1, 9):
+            fleet.ingest.past.add(make_kept(n, PAGE_MS + 4000 * n), 0.0)
+        await until_async("it is noticed", writer.find_trouble)
+        redis_server.start()
+        await until_async("it is back", lambda: any("redis is back; " in line for line in caplog.messages))
+        lines = [line for line in caplog.messages if line.startswith("the past: redis is back; ")]
+        assert lines[-1].startswith(f"the past: redis is back; {told}")
+        assert (writer.dropped > 0) == (told == "gateways lack ")
+
+
+OPEN_RULES = {"r": {Audience.ANYONE: Rule()}, "open": {Audience.ANYONE: Rule()}}
+
+
+async def test_a_robot_that_is_removed_loses_its_past_at_gateways(redis_server: Redis) -> None:
+    async with running(redis_server, OPEN_RULES) as fleet:
+        fleet.writer.set_robots(OPEN_RULES)
+        count = FORGOTTEN_MAX + 50  # more than one call lists
+        segments = [fleet.ingest.keep(index, PAGE_MS + 100 * index) for index in range(count)]
+        other = await fleet.keep(0, PAGE_MS, robot="open")
+        fleet.ingest.unix_ms = PAGE_MS + 60_000
+        assert (await fleet.ask_gateway(address_of(segments[0]))).status_code == 200
+        fleet.writer.set_robots({"open"})
+        fleet.writer.set_robots(OPEN_RULES)  # another gets its name
+        gone = {segment_key(segment.name) for segment in segments}
+        await until_async("it is deleted", lambda: not gone & fleet.list_keys())
+        assert fleet.list_keys() - {stream_key("r", "public")} == {
+            segment_key(other.name),
+            stream_key("open", "public"),
+            schema_key("open", SCHEMA_HASH.hex()),
+        }
+        await until_async("the ledger knows", lambda: not fleet.client.exists(f"{LEDGER}:r"))
+        assert fleet.client.hget(LEDGER, "r") == b"0"
+        assert fleet.client.hget(LEDGER, "") == fleet.client.hget(LEDGER, "open")
+        assert (await fleet.ask_gateway(address_of(segments[0]))).status_code == 404
+        again = await fleet.keep(count, PAGE_MS + 60_000)
+        fleet.ingest.unix_ms = PAGE_MS + 70_000
+        assert (await fleet.ask_gateway(address_of(again))).content == again.data
+        page = (await fleet.ask_gateway(f"public/{PAGE}")).json()
+        assert [entry["index"] for entry in page["segments"]] == [count]
+
+
+async def test_what_the_operators_page_deletes_is_the_past_and_all_of_it(redis_server: Redis) -> None:
+    page = (Path(__file__).resolve().parents[2] / "docs" / "how-to/operate/delete-the-past.md").read_text()
+    every, one = re.findall(r"--scan --pattern '([^']+)'", page)
+    async with running(redis_server, OPEN_RULES) as fleet:
+        for robot in ("hubo", "open"):
+            kept = await fleet.keep(0, PAGE_MS, robot=robot, audiences=frozenset(Audience))
+        live = {b"posecast:{hubo}:public:state", b"posecast:{open}:public:state"}
+        for key in live:
+            fleet.client.set(key, b"live")
+        fleet.ingest.unix_ms = PAGE_MS + 30_000
+        fleet.client.unlink(*fleet.client.scan_iter(match=one))
+        assert not any("{hubo}" in key for key in fleet.list_keys())
+        assert (await fleet.ask_gateway(f"/open/past/{address_of(kept)}")).status_code == 200
+        fleet.client.unlink(*fleet.client.scan_iter(match=every))
+        assert set(fleet.client.keys()) == live
+        assert (await fleet.ask_gateway(f"/open/past/{address_of(kept)}")).status_code == 404
+        again = await fleet.keep(1, PAGE_MS + 4000, robot="open")
+        assert (await fleet.ask_gateway(f"/open/past/{address_of(again)}")).content == again.data
+
+
+__all__ = ["cluster"]
+
+
+async def test_the_past_of_robots_of_every_node(cluster: Cluster) -> None:
+    await asyncio.to_thread(cluster.start)
+    async with running(cluster, None, 60_000) as fleet:
+        fleet.ingest.unix_ms = PAGE_MS + 300_000
+        names = cluster.robots()
+        for n in range(40):  # more than there is room for
+            for robot in names:
+                segment = make_kept(n, PAGE_MS + 4000 * n, robot=robot)
+                fleet.ingest.past.add(segment, 0.0)
+            await fleet.written()
+        assert fleet.writer.dropped == 0
+        assert fleet.writer.losses == 0
+        sums = fleet.client.hgetall("posecast:{-}:past")
+        assert 50_000 < int(sums[b""]) <= 60_000
+        for robot in names:
+            answer = await fleet.ask_gateway(f"/{robot}/past/{address_of(segment)}")
+            assert answer.status_code == 200
+            assert answer.headers["content-type"] == "application/octet-stream"
+            summary = (await fleet.ask_gateway(f"/{robot}/past")).json()
+            assert summary["newest"]["index"] == 39
+            assert summary["from_ms"] > PAGE_MS  # the oldest had to go
+            assert 10_000 < int(sums[robot.encode()]) < 30_000
+        assert fleet.readers[0].losses == 0
+
+
+SEGMENTS = [make_kept(n, PAGE_MS + 4000 * n) for n in range(5)]
+
+
+def told(*records: tuple[bytes, KeptSegment | None]) -> list[bytes]:
+    """As Redis tells them; None: something else."""
+    return [each for id_, of in records for each in (id_, b"?" if of is None else pack_record(of))]
+
+
+def list_indexes(replica: PastReplica) -> list[int]:
+    """Of what it knows."""
+    return [segment.name.index for segment in replica.kept.list_segments("r", "public")]
+
+
+def test_it_follows_the_stream() -> None:
+    passed_over: list[str] = []
+    replica = PastReplica("r", "public", passed_over.append)
+    assert (replica.newest, replica.count) == (BEGINNING, 0)
+    assert replica.append(told((b"9-0", SEGMENTS[0]), (b"9-1", None), (b"9-2", SEGMENTS[1])))
+    assert not replica.append(told((b"10-0", SEGMENTS[0]), (b"10-1", None)))  # a name twice
+    assert replica.append(told((b"10-2", SEGMENTS[2]), (b"11-0", SEGMENTS[3])))
+    assert (replica.newest, replica.count) == (b"11-0", 7)
+    assert len(passed_over) == 3
+    assert list_indexes(replica) == [0, 1, 2, 3]
+    replica.drop_before(b"9-2")  # 9 is before 10, as numbers are
+    assert (replica.count, list_indexes(replica)) == (5, [1, 2, 3])
+    replica.drop(SEGMENTS[2].name)
+    assert (replica.count, list_indexes(replica)) == (5, [1, 3])
+    replica.drop_before(b"11-0")
+    assert (replica.count, list_indexes(replica)) == (1, [3])
+    replica.drop_before(b"12-0")
+    assert (replica.newest, replica.count, list_indexes(replica)) == (BEGINNING, 0, [])

@@ -35,10 +35,8 @@ SUMMARY = json.dumps(
 @pytest.fixture
 async def doors() -> AsyncIterator[PastDoors]:
     """A relay in this process."""
-    made = PastDoors(OPEN)
-    await made.start()
-    yield made
-    await made.stop()
+    async with PastDoors(OPEN) as made:
+        yield made
 
 
 async def collect(doors: PastDoors, folder: Path, token: str | None = None) -> PastRecording:

@@ -98,10 +98,7 @@ text = "minutes"
             ", line 1: text: write 1 to 2000 characters",
         ),
         ("[[note]]\nat = '0:01'\ntext = \"a\\u0007\"\n", ", line 1: text: write 1 to 2000 characters"),
-        (
-            "[[note]]\nat = '0:01'\ntext = 'x'\nby = 'me'\n",
-            ", line 1: by: a note has only at and text",
-        ),
+        ("[[note]]\nat = '0:01'\ntext = 'x'\nby = 'me'\n", ", line 1: by: a note has only at and text"),
         ("note = [{at = '0:01', text = 'x'}, {at = '0:01'}]\n", ", note 2: text: write 1 to 2000 characters"),
         ("[[note]]\nat = '0:01'\ntext = 'x'\n" * 1001, ": 1001 notes, 1000 allowed"),
         ("\u202e = 1\n", ": "),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import resource
 import signal
 import subprocess
@@ -10,10 +11,27 @@ import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.writer import Writer
-from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputError, check_place, open_place
+from posecast_relay.recording.output import (
+    PAGE_FILES,
+    PAGE_FOLDERS,
+    OutputError,
+    check_place,
+    open_place,
+    pack_recording,
+)
+from posecast_relay.recording.page import add_page
+from posecast_wire import Quantiser, Schema
 from posecast_wire.recording import PastRecording, RecordedSegment, encode_recording
+
+from wire.python.benches.bytes_per_frame import SHARED, rows
+
+from .past_doors import PAGE_MS, make_kept
+from .recording_stage import KeptModel, KeptSource, collect, list_files
+from .taped_world import TapedWorld, on_air
+from .test_recording_collector import record
 
 FROM_MS = 1_795_000_000_000
 SEGMENT = RecordedSegment(7, 9, 0, FROM_MS, FROM_MS + 1000, 0, 0, 0, 100, None, None, 0)
@@ -260,3 +278,81 @@ def test_an_empty_folder_is_taken(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*")] == ["lecture", "a"]
     with pytest.raises(OutputError, match="already exists"):
         check_place(target, replace=False)
+
+
+MODEL = KeptModel({"a.glb": (os.urandom(5000), "model/gltf-binary"), "b.stl": (bytes(5000), "model/stl")})
+
+
+def test_it_holds_the_folder_with_the_index_first(tmp_path: Path) -> None:
+    recording, _ = collect(KeptSource(record(20.0, MODEL.name), [MODEL]), tmp_path / "to")
+    pack_recording(tmp_path / "to", recording, tmp_path / "one.posecast")
+    with zipfile.ZipFile(tmp_path / "one.posecast") as packed:
+        assert packed.testzip() is None
+        names = packed.namelist()
+        assert sorted(names) == list_files(tmp_path / "to")
+        assert names[0] == "recording.json"
+        segments = [name for name in names if name.startswith("segments/")]
+        assert [int(name.split("/")[2].split(".")[0]) for name in segments] == [*range(len(segments))]
+        for name in names:
+            assert packed.read(name) == (tmp_path / "to" / name).read_bytes()
+        kinds = {name.rpartition(".")[2]: packed.getinfo(name).compress_type for name in names}
+    assert kinds["glb"] == zipfile.ZIP_STORED
+    assert kinds["stl"] == kinds["json"] == kinds["segment"] == zipfile.ZIP_DEFLATED
+
+
+def test_it_is_the_same_every_time(tmp_path: Path) -> None:
+    kept = record(6.0, MODEL.name)
+    for name in ("a", "b"):
+        recording, _ = collect(KeptSource(kept, [MODEL]), tmp_path / name)
+        for path in (tmp_path / name).rglob("*"):
+            os.utime(path, (1e9, 1e9) if name == "a" else None)
+        pack_recording(tmp_path / name, recording, tmp_path / f"{name}.posecast")
+    assert (tmp_path / "a.posecast").read_bytes() == (tmp_path / "b.posecast").read_bytes()
+
+
+@pytest.mark.full
+def test_more_entries_than_a_plain_zip_counts(tmp_path: Path) -> None:
+    kept = [make_kept(i, PAGE_MS + 5 * i, events=()) for i in range(66_000)]
+    recording, _ = collect(KeptSource(kept), tmp_path / "to")
+    pack_recording(tmp_path / "to", recording, tmp_path / "one.posecast")
+    with zipfile.ZipFile(tmp_path / "one.posecast") as packed:
+        assert len(packed.namelist()) > 66_000
+        assert packed.read(packed.namelist()[66_000]) == kept[65_999].data
+
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+BUILT_PAGE = Path(os.environ.get("POSECAST_PAGE", REPOSITORY / "spa/dist"))
+HZ, MINUTES = 30, 50
+KEY_EVERY = 4 * HZ
+MODEL_BYTES = 2_000_000
+ALLOWED_BYTES = 12_000_000
+
+
+@pytest.mark.full
+@pytest.mark.skipif(not (SHARED / "telemetry").exists(), reason="no telemetry sets beside the repository")
+@pytest.mark.skipif(not (BUILT_PAGE / "index.html").exists(), reason="no built page: run make setup")
+def test_fifty_minutes_fit_into_twelve_megabytes(tmp_path: Path) -> None:
+    schema = Schema.parse((SHARED / "telemetry/schema.json").read_text())
+    _, values = rows(schema, SHARED / "telemetry/mixed.npz")
+    quantiser = Quantiser(schema)
+    codes = [quantiser.quantise(sample) for sample in values]
+    model = KeptModel({"high.glb": (random.Random(1).randbytes(MODEL_BYTES), "model/gltf-binary")})
+    world = TapedWorld()
+    edge = on_air(world, schema)
+    world.hear_event(edge, type="model", hash=model.name)
+    for n in range(HZ * 60 * MINUTES):
+        world.pass_time(1 / HZ)
+        world.hear(edge, edge.frame(world.now, codes[n % len(codes)], force_key=n % KEY_EVERY == 0))
+    recording, found = collect(KeptSource(world.close(), [model]), tmp_path / "lecture", packs=True)
+    assert found.lost == []
+    add_page(BUILT_PAGE, tmp_path / "lecture", recording, None)
+    sizes = {path: (tmp_path / "lecture" / path).stat().st_size for path in list_files(tmp_path / "lecture")}
+    sums = {
+        part: sum(size for path, size in sizes.items() if path.startswith(part))
+        for part in ("segments", "keys", "models", "recording.json", "")
+    }
+    frames = sum(each.frames for each in recording.segments)
+    print(f"{frames} frames, {len(recording.segments)} segments:", sums)
+    assert frames >= HZ * 60 * MINUTES
+    assert np.mean([each.frames for each in recording.segments[1:-1]]) == KEY_EVERY
+    assert sums[""] <= ALLOWED_BYTES

@@ -10,13 +10,7 @@ import pytest
 import redis
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from posecast_relay.redis.client import (
-    channel,
-    generation_key,
-    state_key,
-    status_key,
-    writer_key,
-)
+from posecast_relay.redis.client import channel, generation_key, state_key, status_key, writer_key
 from posecast_relay.redis.directory import BOARD, KEYS
 from posecast_relay.redis.scripts import CLAIM, GUARD, INCOMPLETE, LEASE_MS, OUTRUN, REFUSED, STATUS, STORED
 from posecast_testing import count_examples

@@ -7,11 +7,9 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from typing import Any
 
-import redis
 from posecast_testing import free_port
 
 from .redis_server import Redis
-from .stage import Watcher
 from .test_gateway import clean, live_after, watching, word
 from .test_observability import figures
 
@@ -97,21 +95,3 @@ async def test_all_misses_nothing_while_redis_is_slow_frozen_and_dead(
     assert found["posecast_store_up"] == 1
     assert found["posecast_store_seconds_bucket|0.5"] == found["posecast_store_seconds_count"] > 100
     assert found["posecast_store_seconds_bucket|0.1"] < found["posecast_store_seconds_count"]
-
-
-async def test_subscriptions_of_a_connection_cut_by_redis_come_back(
-    relays: Any, edges: Any, redis_server: Redis
-) -> None:
-    """As Redis does to a subscriber whose buffer is full."""
-    flags = ("--store", redis_server.url)
-    relay = relays(*flags)
-    gateway = relays("--role", "gateway", *flags)
-    edges(relay.zenoh)
-    client: Any = redis.Redis(port=redis_server.port)
-    async with Watcher(gateway.url()) as viewer:
-        for _ in range(3):
-            await viewer.until("frames", lambda v: len(v.frames) > 20 and word(v) == "online")
-            assert client.execute_command("CLIENT", "KILL", "TYPE", "pubsub") == 1
-            seq = viewer.frames[-1][1].seq
-            await viewer.until("frames again", live_after(seq + 10))
-        clean(viewer)

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 import redis
 from posecast_relay.redis.client import generation_key, state_key
 from posecast_testing import until
 from posecast_wire import Decoder
 
+from .certificates import certificates
+from .operator_pages import DOCS
 from .redis_server import Redis
 from .stage import Relay, Watcher
 
@@ -154,3 +161,51 @@ async def test_what_others_left_in_redis_upsets_nobody(relays: Any, edges: Any, 
         await asyncio.to_thread(until, "the robot in the list, alone", listed)
     for each in (relay, gateway):
         await asyncio.to_thread(until, "ready", lambda each=each: ready(each) == {"status": "ready"})
+
+
+PAGE = (DOCS / "how-to/scale/redis.md").read_text(encoding="utf-8")
+
+
+def test_redis_runs_as_the_page_configures_it(redis_server: Redis) -> None:
+    (block,) = re.findall(r"^```text\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    wanted = dict(line.split(" ", 1) for line in block.splitlines())
+    with redis.Redis.from_url(redis_server.url, decode_responses=True) as client:
+        for name, value in wanted.items():
+            client.config_set(name, value.strip('"'))
+        client.auth(wanted["requirepass"])
+        found = {name: client.config_get(name)[name] for name in wanted}
+    assert found == wanted | {"save": "", "maxmemory": str(512 << 20)}
+
+
+PASSWORD = "CANARY-7319"
+
+
+@pytest.fixture
+def tls_redis(tmp_path: Path) -> Iterator[Redis]:
+    """Speaks TLS only."""
+    if shutil.which("redis-server") is None:
+        pytest.skip("no redis-server here")
+    certificates(tmp_path, "redis")
+    server = Redis(tmp_path, "--requirepass", PASSWORD, "--tls-auth-clients", "no")
+    server.start(tls=tmp_path)
+    server.url = f"rediss://:{PASSWORD}@127.0.0.1:{server.port}?ssl_ca_certs={tmp_path / 'ca.pem'}"
+    yield server
+    server.kill()
+
+
+async def test_roles_meet_over_tls_and_whoever_cannot_check_the_server_does_not_talk_to_it(
+    relays: Any, edges: Any, tls_redis: Redis
+) -> None:
+    ingest = relays("--role", "ingest", "--store", tls_redis.url)
+    gateway = relays("--role", "gateway", "--store", tls_redis.url)
+    stranger = relays("--role", "gateway", "--store", tls_redis.url.partition("?")[0])
+    edges(ingest.zenoh)
+    async with Watcher(gateway.url()) as viewer:
+        await viewer.until("frames", lambda v: len(v.frames) > 20)
+    ready = f"http://{gateway.address}/readyz"
+    until("the past is read, too", lambda: httpx.get(ready).json() == {"status": "ready"})
+    until("it says why", lambda: "CERTIFICATE_VERIFY_FAILED" in stranger.errors())
+    said = httpx.get(f"http://{stranger.address}/readyz").json()
+    assert said["status"] == "degraded"
+    for relay in (ingest, gateway, stranger):
+        assert PASSWORD not in relay.errors() + str(said)

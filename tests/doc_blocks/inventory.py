@@ -106,7 +106,7 @@ RUN: dict[str, dict[str, str]] = {
         "activate": START,
         "locust -f": "loadtests/tests/test_three_ways.py",
     },
-    "docs/how-to/scale/redis.md": {"requirepass": "relay/tests/test_redis_page.py", "```sh": SCALE},
+    "docs/how-to/scale/redis.md": {"requirepass": "relay/tests/test_redis_store.py", "```sh": SCALE},
     "docs/reference/capacity.md": {"tools.scaling": "tests/test_scaling.py"},
     "docs/reference/past-export.md": {"```sh": RECORD},
     "docs/how-to/record/save-from-the-page.md": {"```sh": RECORD},

@@ -241,6 +241,10 @@ class ExpiringCache(Generic[T]):
         self._cost_max = cost_max
         self._entries: OrderedDict[Hashable, _Entry] = OrderedDict()
 
+    def __contains__(self, key: Hashable) -> bool:
+        """Whether there is an entry, valid or not."""
+        return key in self._entries
+
     def find(self, key: Hashable, now: float) -> T | None:
         """Return the value of a key if it is still valid at `now`, in seconds; otherwise None."""
         entry = self._entries.get(key)
@@ -265,6 +269,24 @@ class ExpiringCache(Generic[T]):
     def _pop(self, key: Hashable) -> None:
         entry = self._entries.pop(key, None)
         self.cost -= 0 if entry is None else entry.cost
+
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class RecentDict(dict[K, V]):
+    """A dict of at most `most` entries: a further one takes the place of the oldest."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self._most = most
+
+    def __setitem__(self, key: K, value: V) -> None:
+        """Set the value of a key."""
+        super().__setitem__(key, value)
+        if len(self) > self._most:
+            del self[next(iter(self))]
 
 
 REFUSED_S = 15.0  # a repaired robot waits this long, unless its manifest has changed

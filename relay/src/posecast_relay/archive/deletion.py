@@ -1,6 +1,6 @@
 """Deletes from an object store what a deletion covers, so that every process complies.
 
-    tombstones/{robot}/{at_ms}-{id}.json   a deletion, as `past/deletion_record.py` packs it
+    tombstones/{robot}/{at_ms}-{id}.json   a deletion, as `past/deletions.py` packs it
     tombstones/{robot}/{at_ms}-{id}.done   empty, same name: the deletion is complete
 
 The tombstone is written before anything is deleted. If the process is killed in between, the next process
@@ -28,11 +28,8 @@ from posecast_relay.archive.index import (
     mend_page,
 )
 from posecast_relay.archive.names import (
-    DAY_MS,
     MODELS,
-    PAGE_MS,
     SCHEMAS,
-    SPAN_MS_MAX,
     TOMBSTONES,
     UNFINISHED,
     ArchivedName,
@@ -44,9 +41,16 @@ from posecast_relay.archive.names import (
 )
 from posecast_relay.archive.store import ArchiveError, BackgroundTrouble, ObjectStore
 from posecast_relay.kit import write_count
-from posecast_relay.past.deletion_record import RECORD_BYTES_MAX, pack_deletion, unpack_deletion
-from posecast_relay.past.deletions import KNOWN_MAX, Deletion, Deletions
+from posecast_relay.past.deletions import (
+    KNOWN_MAX,
+    RECORD_BYTES_MAX,
+    Deletion,
+    Deletions,
+    pack_deletion,
+    unpack_deletion,
+)
 from posecast_relay.past.index import PageDigest
+from posecast_relay.past.segment import DAY_MS, PAGE_MS, SHA256, SPAN_MS_MAX
 
 log = logging.getLogger("posecast_relay")
 
@@ -227,7 +231,6 @@ async def _delete_all(store: ObjectStore, keys: Iterable[str]) -> None:
 
 
 SCHEMA_FILE = re.compile(r"([0-9a-f]{64})\.json", re.ASCII)
-SHA256 = re.compile(r"[0-9a-f]{64}", re.ASCII)
 
 
 class NamedHashes(NamedTuple):

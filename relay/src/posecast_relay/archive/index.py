@@ -21,9 +21,7 @@ from posecast_wire.checked import loads
 from posecast_wire.segment import EventRecord, FrameRecord, SegmentError, WordRecord, decode_segment
 
 from posecast_relay.archive.names import (
-    DAY_MS,
     INDEX_NAME,
-    PAGE_MS,
     ArchivedName,
     is_unfinished,
     make_day_folder,
@@ -40,6 +38,8 @@ from posecast_relay.archive.names import (
 from posecast_relay.archive.store import ObjectStore
 from posecast_relay.past.index import DayIndex, PageDigest, digest_page, pack_day, unpack_day
 from posecast_relay.past.segment import (
+    DAY_MS,
+    PAGE_MS,
     KeptSegment,
     PastEvent,
     PastWord,

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.archive.reader import ArchiveReader
 from posecast_relay.core.policy import Audience
-from posecast_relay.past.index import DAY_MS, DayIndex, PageDigest, ShownDay
-from posecast_relay.past.memory import MemoryPast
-from posecast_relay.past.segment import KeptSegment, SegmentName, TakeSpan
+from posecast_relay.past.index import DayIndex, PageDigest, ShownDay
+from posecast_relay.past.memory import MemoryPast, PastByView
+from posecast_relay.past.segment import DAY_MS, PAGE_MS, KeptSegment, SegmentName
 from posecast_relay.past.source import KeptPast, ListWaiting, PastAway, PastSource, ReachedPast, Wake
 
 UNBOUNDED = 1 << 62  # merges only ten minutes of two bounded sources
@@ -86,7 +85,7 @@ class JoinedPast:
         archived: list[KeptSegment] = []
         for page_ms in pages:
             archived += await self._reader.load_page(name.robot, name.view, page_ms)
-        return _AroundSegment(name.robot, name.view, archived, self.kept)
+        return _AroundSegment(archived, self.kept)
 
     async def load_reaches(self, robot: str, view: str, from_ms: int, to_ms: int) -> list[ShownDay]:
         """Return the days between these times that have more than the recent past. Raises PastAway."""
@@ -177,25 +176,22 @@ class JoinedPast:
         return None
 
 
-class _AroundSegment:
+class _AroundSegment(PastByView):
     """What is known of the ten minutes around a requested segment, and of the recent past.
 
     The segment itself is found directly, because playback of an older past requests one after the other.
     Everything is merged only if that segment is hidden from the caller.
     """
 
-    def __init__(self, robot: str, view: str, archived: Sequence[KeptSegment], recent: KeptPast) -> None:
-        self._robot = robot
-        self._view = view
+    def __init__(self, archived: Sequence[KeptSegment], recent: KeptPast) -> None:
         self._archived = archived
         self._recent = recent
         self._together: MemoryPast | None = None
 
-    @property
-    def _whole(self) -> MemoryPast:
+    def get_view(self, robot: str, view: str) -> MemoryPast:
+        """Return all of it, merged, in the order in which segments began."""
         if self._together is None:
-            recent = self._recent.list_segments(self._robot, self._view)
-            self._together = _put_together(self._archived, recent)
+            self._together = _put_together(self._archived, self._recent.list_segments(robot, view))
         return self._together
 
     def find(self, name: SegmentName) -> KeptSegment | None:
@@ -204,24 +200,6 @@ class _AroundSegment:
             return self._together.find(name)
         found = (each for each in self._archived if each.name.index == name.index and each.name == name)
         return self._recent.find(name) or next(found, None)
-
-    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
-        """Return the segment that began first."""
-        return self._whole.find_oldest(robot, view)
-
-    def list_segments(
-        self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
-    ) -> list[KeptSegment]:
-        """Return the segments that begin between `from_ms` and `to_ms` (exclusive), unix ms; None: no end."""
-        return self._whole.list_segments(robot, view, from_ms, to_ms)
-
-    def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
-        """Return the takes that have segments here, in the order in which they began."""
-        return self._whole.list_takes(robot, view)
-
-    def list_after(self, name: SegmentName) -> list[KeptSegment]:
-        """Return the segments that began after this one."""
-        return self._whole.list_after(name)
 
 
 def _put_together(archived: Iterable[KeptSegment], recent: Iterable[KeptSegment]) -> MemoryPast:

@@ -16,11 +16,12 @@ import hashlib
 import logging
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Collection
+from collections.abc import Awaitable, Callable, Collection
+from functools import partial
 
 from posecast_relay.archive.names import MODELS
 from posecast_relay.archive.store import ArchiveError, ObjectStore
-from posecast_relay.kit import write_count
+from posecast_relay.kit import RecentDict, write_count
 from posecast_relay.models.cache import Absent, ModelCache, ModelSource, Unavailable
 from posecast_relay.models.manifest import BYTES_MAX, ManifestError, read_manifest
 from posecast_relay.past.segment import KeptSegment
@@ -57,9 +58,9 @@ class ModelKeeper:
         self._now = now
         self._bytes_max = bytes_max
         self._robots: Collection[str] = ()  # the robots that are kept
-        self._known: OrderedDict[ModelName, None] = OrderedDict()  # stored, or too large
+        self._known: RecentDict[ModelName, None] = RecentDict(KNOWN_MAX)  # stored, or too large
         self._waiting: OrderedDict[ModelName, None] = OrderedDict()
-        self._again_at: dict[ModelName, float] = {}
+        self._again_at: RecentDict[ModelName, float] = RecentDict(KNOWN_MAX)
         self._storing: ModelName | None = None
         self._task: asyncio.Task[None] | None = None
 
@@ -102,26 +103,16 @@ class ModelKeeper:
             self._storing, (robot, digest) = name, name
             try:
                 await self._store_model(robot, digest)
-                self._note_known(name)
+                self._again_at.pop(name, None)
+                self._known[name] = None
             except (ArchiveError, Absent, Unavailable) as e:  # the store and the robot report it themselves
                 log.info("the archive: model %.12s of %s: %s", digest, robot, e)
-                self._note_failure(name)
+                self._again_at[name] = self._now() + RETRY_S
             except Exception as e:  # a bug of ours, with this model
                 log.error("the archive: model %.12s of %s", digest, robot, exc_info=e)
-                self._note_failure(name)
+                self._again_at[name] = self._now() + RETRY_S
             finally:
                 self._storing = None
-
-    def _note_known(self, name: ModelName) -> None:
-        self._again_at.pop(name, None)
-        self._known[name] = None
-        while len(self._known) > KNOWN_MAX:
-            self._known.popitem(last=False)
-
-    def _note_failure(self, name: ModelName) -> None:
-        if len(self._again_at) >= KNOWN_MAX:
-            self._again_at.clear()
-        self._again_at[name] = self._now() + RETRY_S
 
     async def _store_model(self, robot: str, digest: str) -> None:
         """Store a model, its manifest last. Raises ArchiveError, Absent or Unavailable."""
@@ -179,8 +170,8 @@ class JoinedModelSource:
         self._live = live
         self._store = store
         self._now = now
-        self._paths: OrderedDict[ModelName, dict[str, str]] = OrderedDict()  # a model's paths, by SHA-256
-        self._elsewhere: OrderedDict[ModelName, float] = OrderedDict()  # until when `live` is not asked
+        self._paths: RecentDict[ModelName, dict[str, str]] = RecentDict(HASHES_MAX)  # by SHA-256
+        self._elsewhere: RecentDict[ModelName, float] = RecentDict(1000)  # until when `live` is not asked
 
     def offers(self, robot: str, digest: str) -> bool:  # noqa: ARG002
         """Return True: only the store knows what it has."""
@@ -188,49 +179,46 @@ class JoinedModelSource:
 
     async def fetch_manifest(self, robot: str, digest: str) -> bytes:
         """Return a model's manifest. Raises Absent or Unavailable."""
-        failed: Absent | Unavailable | None = None
-        if self._may_ask(robot, digest):
-            try:
-                data = await self._live.fetch_manifest(robot, digest)
-                if hashlib.sha256(data).hexdigest() == digest:
-                    return data
-            except (Absent, Unavailable) as e:
-                failed = e
-        try:
-            data = await self._read_manifest(robot, digest)
-        except (Absent, Unavailable):
-            if failed is not None:
-                raise failed from None
-            raise
-        self._note_elsewhere(robot, digest)
-        return data
+
+        async def fetch() -> bytes:
+            data = await self._live.fetch_manifest(robot, digest)
+            if hashlib.sha256(data).hexdigest() != digest:
+                raise Absent("no such model")
+            return data
+
+        return await self._ask(robot, digest, fetch, partial(self._read_manifest, robot, digest))
 
     async def read(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:
         """Return a range of a file, maybe fewer bytes. Raises Absent or Unavailable."""
-        if self._may_ask(robot, digest):
-            try:
-                return await self._live.read(robot, digest, sha256, off, size)
-            except (Absent, Unavailable) as e:
-                try:
-                    data = await self._read_stored(robot, digest, sha256, off, size)
-                except (Absent, Unavailable):
-                    raise e from None
-                self._note_elsewhere(robot, digest)
-                return data
-        return await self._read_stored(robot, digest, sha256, off, size)
+        asked = robot, digest, sha256, off, size
+        return await self._ask(
+            robot, digest, partial(self._live.read, *asked), partial(self._read_stored, *asked)
+        )
 
     def forget(self, robot: str) -> None:
         """Forget what the store has of a robot, because part of it was deleted."""
         for name in [name for name in self._paths if name[0] == robot]:
             del self._paths[name]
 
-    def _may_ask(self, robot: str, digest: str) -> bool:
-        return self._live.offers(robot, digest) and self._now() >= self._elsewhere.get((robot, digest), 0.0)
-
-    def _note_elsewhere(self, robot: str, digest: str) -> None:
-        self._elsewhere[robot, digest] = self._now() + ELSEWHERE_S
-        while len(self._elsewhere) > 1000:
-            self._elsewhere.popitem(last=False)
+    async def _ask(
+        self,
+        robot: str,
+        digest: str,
+        live: Callable[[], Awaitable[bytes]],
+        stored: Callable[[], Awaitable[bytes]],
+    ) -> bytes:
+        """Ask the robot, and the store for what it does not have. Raises Absent or Unavailable."""
+        if not self._live.offers(robot, digest) or self._now() < self._elsewhere.get((robot, digest), 0.0):
+            return await stored()
+        try:
+            return await live()
+        except (Absent, Unavailable) as e:
+            try:
+                data = await stored()
+            except (Absent, Unavailable):
+                raise e from None
+            self._elsewhere[robot, digest] = self._now() + ELSEWHERE_S
+            return data
 
     async def _read_manifest(self, robot: str, digest: str) -> bytes:
         """Read it from the store, and remember its files."""
@@ -245,8 +233,6 @@ class JoinedModelSource:
         except ManifestError:
             raise Absent("no such model") from None
         self._paths[robot, digest] = {entry.sha256: path for path, entry in entries.items()}
-        while len(self._paths) > HASHES_MAX:
-            self._paths.popitem(last=False)
         return data
 
     async def _read_stored(self, robot: str, digest: str, sha256: str, off: int, size: int) -> bytes:

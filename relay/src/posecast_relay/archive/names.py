@@ -12,22 +12,28 @@ A key alone is enough to find a segment and to decide who may see it.
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime
 from typing import NamedTuple
 
 from posecast_wire.keys import ROBOT_ID
 
 from posecast_relay.core.policy import Audience
-from posecast_relay.past.segment import KeptSegment, SegmentName, pack_audiences, unpack_audiences
+from posecast_relay.past.address import AddressError, read_span, write_day
+from posecast_relay.past.segment import (
+    DAY_MS,
+    PAGE_MS,
+    SEGMENT_BYTES_MAX,
+    SPAN_MS_MAX,
+    U32_MAX,
+    WHOLE_MAX,
+    KeptSegment,
+    SegmentName,
+    pack_audiences,
+    unpack_audiences,
+)
 
-PAGE_MS, DAY_MS = 600_000, 86_400_000
 KEY_CHARS_MAX = 400
-U32_MAX, WHOLE_MAX = (1 << 32) - 1, (1 << 53) - 1
-SPAN_MS_MAX = 600_000
-SEGMENT_BYTES_MAX = 3 << 20
 INDEX_NAME, DAY_NAME = "index.json", "day.json"
 SCHEMAS, MODELS, TOMBSTONES = "schemas", "models", "tombstones"
-DAY = re.compile(r"20[0-9]{2}-[01][0-9]-[0-3][0-9]", re.ASCII)
 PAGE = re.compile(r"([01][0-9]|2[0-3])-([0-5])0", re.ASCII)
 UNFINISHED = re.compile(r"#[0-9]{1,9}$", re.ASCII)
 NUMBER = r"(0|[1-9][0-9]{0,15})"
@@ -128,11 +134,6 @@ def make_schema_key(robot: str, sha256: bytes) -> str:
     return f"{robot}/{SCHEMAS}/{sha256.hex()}.json"
 
 
-def write_day(unix_ms: int) -> str:
-    """Return the day of a time as it appears in a key: 2026-11-22."""
-    return datetime.fromtimestamp(unix_ms // 1000, UTC).strftime("%Y-%m-%d")
-
-
 def write_page(unix_ms: int) -> str:
     """Return the ten minutes of a time within its day as they appear in a key: 14-20."""
     minute = unix_ms % DAY_MS // 60_000
@@ -141,12 +142,11 @@ def write_page(unix_ms: int) -> str:
 
 def read_day(text: str) -> int | None:
     """Parse the name of a day's folder and return the day's start, unix ms; None if it is invalid."""
-    if not DAY.fullmatch(text):
-        return None
     try:
-        return round(datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()) * 1000
-    except ValueError:
+        span = read_span(text)
+    except AddressError:
         return None
+    return span.from_ms if span.is_day else None
 
 
 def read_page(text: str) -> int | None:

@@ -16,18 +16,11 @@ from functools import partial
 from typing import TypeVar
 
 from posecast_relay.archive.index import Known, LoadedPage, list_days, load_day, load_page
-from posecast_relay.archive.names import (
-    DAY_MS,
-    PAGE_MS,
-    PageKey,
-    make_schema_key,
-    may_be_archived,
-    name_segment,
-)
+from posecast_relay.archive.names import PageKey, make_schema_key, may_be_archived, name_segment
 from posecast_relay.archive.store import ArchiveError, ObjectStore
 from posecast_relay.kit import ExpiringCache
 from posecast_relay.past.index import LONGEST_MS, DayIndex, ShownDay, digest_page, list_shown
-from posecast_relay.past.segment import OBJECT_BYTES, KeptSegment, SegmentName
+from posecast_relay.past.segment import DAY_MS, OBJECT_BYTES, PAGE_MS, KeptSegment, SegmentName
 from posecast_relay.past.source import PastAway
 from posecast_relay.runtime.tasks import SharedTasks
 

@@ -23,24 +23,18 @@ from posecast_relay.archive.index import (
     mend_day,
     mend_page,
 )
-from posecast_relay.archive.names import (
-    DAY_MS,
-    PAGE_MS,
-    TOMBSTONES,
-    ArchivedName,
-    PageKey,
-    make_day_key,
-)
+from posecast_relay.archive.names import TOMBSTONES, ArchivedName, PageKey, make_day_key
 from posecast_relay.archive.store import ArchiveError, BackgroundTrouble, ObjectStore, SpaceWatch
 from posecast_relay.archive.writer import ArchiveWriter
 from posecast_relay.kit import write_count
+from posecast_relay.past.segment import DAY_MS, PAGE_MS
 
 log = logging.getLogger("posecast_relay")
 
 SPARE_MS = 10_000  # this long after their end, the last segment that began in ten minutes has ended
 
 
-async def delete_old(
+async def _delete_old(
     store: ObjectStore, robot: str, keep_s: float, unix_ms: int
 ) -> AsyncIterator[tuple[str, int, list[ArchivedName]]]:
     """Delete a robot's data that is older than `keep_s` at the time `unix_ms`, day by day, oldest first.
@@ -194,7 +188,7 @@ class Indexer:
         unix_ms = round(1000 * self._unix_s())
         for robot, keep_s in self._keeps.items():
             count = 0
-            async for view, day_ms, gone in delete_old(self._store, robot, keep_s, unix_ms):
+            async for view, day_ms, gone in _delete_old(self._store, robot, keep_s, unix_ms):
                 count += len(gone)
                 left = self._bytes.pop((robot, view, day_ms), 0) - sum(name.size for name in gone)
                 if left > 0:

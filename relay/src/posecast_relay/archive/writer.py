@@ -16,7 +16,7 @@ from itertools import islice
 from posecast_relay.archive.index import Known, forget_bytes
 from posecast_relay.archive.names import ArchivedName, PageKey, make_schema_key, may_be_archived, name_segment
 from posecast_relay.archive.store import ArchiveError, ObjectStore
-from posecast_relay.kit import write_count
+from posecast_relay.kit import RecentDict, write_count
 from posecast_relay.past.segment import KeptSegment
 
 log = logging.getLogger("posecast_relay")
@@ -59,7 +59,7 @@ class ArchiveWriter:
         self._keeps: Mapping[str, float] = {}
         self._waiting: dict[str, deque[KeptSegment]] = {}  # by robot, oldest first
         self._sizes: Counter[str] = Counter()  # of those, by robot
-        self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, the ones in the store
+        self._schemas: RecentDict[tuple[str, bytes], None] = RecentDict(SCHEMAS_MAX)  # by robot, stored
         self._recent: dict[PageKey, dict[ArchivedName, KeptSegment]] = {}
         self._open: dict[PageKey, None] = {}  # the ten minutes being written
         self._tasks: dict[str, asyncio.Task[None]] = {}  # the writing tasks, by robot
@@ -227,8 +227,6 @@ class ArchiveWriter:
         if schema is not None and (robot, schema) not in self._schemas and segment.schema_text is not None:
             await self._store.put(make_schema_key(robot, schema), segment.schema_text.encode())
             self._schemas[robot, schema] = None
-            while len(self._schemas) > SCHEMAS_MAX:
-                del self._schemas[next(iter(self._schemas))]
         await self._store.put(name.key, segment.data)
         if self._is_deleted(segment):  # deleted in the meantime
             await self._store.delete(name.key)

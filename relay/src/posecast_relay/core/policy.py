@@ -19,11 +19,6 @@ from typing import Protocol
 
 from posecast_wire import Close
 
-# Who may see what: one pure function for streams, events, state, the list and models.
-#
-# A robot has one rule per audience. A caller without proof is `anyone`; a share link or a sign-in takes
-# precedence. If no rule admits a caller, the robot looks like one that does not exist.
-
 PUBLIC = "public"  # the default view, unless a profile defines others
 DELAY_MAX_S = 60.0
 FULL_HZ = 60.0  # the highest live rate: a rule with a lower rate may skip frames
@@ -426,17 +421,15 @@ class Refusal:
     lane: str | None = None
 
 
+def _refuse_for_now(reason: str, at_door: bool = False) -> Refusal:
+    return Refusal(Close.FULL, HTTPStatus.SERVICE_UNAVAILABLE, reason, FULL_RETRY_S, at_door)
+
+
 # Refusals of a page's origin or of an address come before a WebSocket begins.
 FOREIGN = Refusal(
     Close.FORBIDDEN, HTTPStatus.FORBIDDEN, "pages of this origin may not use it", None, at_door=True
 )
-CROWDED = Refusal(
-    Close.FULL,
-    HTTPStatus.SERVICE_UNAVAILABLE,
-    "too many streams from this address",
-    FULL_RETRY_S,
-    at_door=True,
-)
+CROWDED = _refuse_for_now("too many streams from this address", at_door=True)
 # Refusals because of a token or the policy, by close code.
 REFUSALS = {
     refusal.close: refusal
@@ -444,12 +437,7 @@ REFUSALS = {
         Refusal(Close.TOKEN, HTTPStatus.UNAUTHORIZED, "the link or sign-in is invalid or has expired"),
         Refusal(Close.ABSENT, HTTPStatus.NOT_FOUND, HIDDEN),
         Refusal(Close.FORBIDDEN, HTTPStatus.FORBIDDEN, "you may not see this view"),
-        Refusal(
-            Close.FULL,
-            HTTPStatus.SERVICE_UNAVAILABLE,
-            "your sign-in can't be checked right now",
-            FULL_RETRY_S,
-        ),
+        _refuse_for_now("your sign-in can't be checked right now"),
         Refusal(
             Close.INTERNAL_ERROR,
             HTTPStatus.INTERNAL_SERVER_ERROR,
@@ -459,18 +447,8 @@ REFUSALS = {
 }
 # Refusals because of the viewers that are already here.
 DRAINING = Refusal(Close.DRAIN, HTTPStatus.SERVICE_UNAVAILABLE, GOING, DRAIN_RETRY_S)
-FULL = Refusal(
-    Close.FULL,
-    HTTPStatus.SERVICE_UNAVAILABLE,
-    "the relay has no room for more viewers",
-    FULL_RETRY_S,
-)
-ROBOT_FULL = Refusal(
-    Close.FULL,
-    HTTPStatus.SERVICE_UNAVAILABLE,
-    "this robot has no room for more viewers",
-    FULL_RETRY_S,
-)
+FULL = _refuse_for_now("the relay has no room for more viewers")
+ROBOT_FULL = _refuse_for_now("this robot has no room for more viewers")
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from posecast_relay.export.link_poses import FrameReadings, LinkPose, LinkPoses
 from posecast_relay.export.model_tree import ModelTree, ModelTreeError, read_model_tree
 from posecast_relay.export.ros_topics import RosTopic, compute_values, list_topics
 from posecast_relay.export.table import TableEvent, TableReader, TableRow
+from posecast_relay.kit import RecentDict
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -73,7 +74,7 @@ class _MessageWriter:
         self._types: dict[str, int] = {}
         self._channels: dict[tuple[str, str, tuple[tuple[str, str], ...]], int] = {}
         self._counts: dict[int, int] = {}
-        self._trees: dict[str, ModelTree | None] = {}
+        self._trees: RecentDict[str, ModelTree | None] = RecentDict(MODELS_MAX)
         self._topics: dict[tuple[str, str | None], list[RosTopic]] = {}  # by schema and root link
         self._readings: tuple[str, FrameReadings] | None = None  # of the newest schema
         self._body: tuple[str, _Transforms] | None = None  # of the newest model
@@ -150,8 +151,6 @@ class _MessageWriter:
                 reason = str(e)
             if tree is None:
                 self._table.losses.add_line(f"no /tf of the model {model[:12]}: {reason}")
-            if len(self._trees) >= MODELS_MAX:
-                del self._trees[next(iter(self._trees))]
             self._trees[model] = tree
         return self._trees[model]
 

@@ -247,12 +247,18 @@ def _add_models(app: FastAPI, access: Access, models: ModelCache, past: PastServ
         else:
             found = await _load(models.load_file(robot, digest, path))
         answer = await make_model_answer(request, models, packed, robot, found)
-        if is_old:  # it is kept only as long as a past refers to it
-            answer.headers["cache-control"] = OLD_MODEL_FRESH
-        if not grant.open:
-            del answer.headers["access-control-allow-origin"]
-            answer.headers.update(make_sharing_headers(request, False))
-        return answer
+        # an old one is kept only as long as a past refers to it
+        return _share_file(answer, request, grant, OLD_MODEL_FRESH if is_old else None)
+
+
+def _share_file(answer: Response, request: Request, grant: Grant, fresh: str | None) -> Response:
+    """Set who may read a model's file. `fresh`: for how long; None: for ever."""
+    if fresh is not None:
+        answer.headers["cache-control"] = fresh
+    if not grant.open:
+        del answer.headers["access-control-allow-origin"]
+        answer.headers.update(make_sharing_headers(request, False))
+    return answer
 
 
 async def _announces(access: Access, grant: Grant, digest: str) -> bool:
@@ -292,11 +298,7 @@ def _add_previews(
             raise HTTPException(404, HIDDEN)
         found = await _load(thumbnails.load_picture(robot, room.stream.model))
         answer = await make_model_answer(request, models, packed, robot, found)
-        answer.headers["cache-control"] = PICTURE_FRESH
-        if not grant.open:
-            del answer.headers["access-control-allow-origin"]
-            answer.headers.update(make_sharing_headers(request, False))
-        return answer
+        return _share_file(answer, request, grant, PICTURE_FRESH)
 
     @app.get(
         "/api/v1/oembed",

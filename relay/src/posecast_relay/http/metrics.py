@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import accumulate
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -14,6 +15,8 @@ from prometheus_client.registry import Collector
 
 from posecast_relay.core.hub import Hub, RecordsPast
 from posecast_relay.kit import BOUNDS_S, Breaker, Histogram
+from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.service import HeldRequests
 from posecast_relay.runtime.dispatcher import Dispatcher
 
 
@@ -43,25 +46,17 @@ class ArchiveStats(Protocol):
 def describe_archive(archive: ArchiveStats) -> Iterable[Metric]:
     """Yield the archive's metrics with their present values."""
     now = archive.measure()
-    yield GaugeMetricFamily(
-        "posecast_archive_up", "Whether the archive's store works", 0 if now.trouble else 1
-    )
-    fates = CounterMetricFamily(
-        "posecast_archive_segments", "Segments for the store by result", labels=["fate"]
-    )
-    for fate, count in (("written", now.written), ("dropped", now.dropped), ("expired", now.expired)):
-        fates.add_metric([fate], count)
-    yield fates
-    yield CounterMetricFamily("posecast_archive_failures", "Calls to the store that failed", now.failures)
-    yield GaugeMetricFamily(
+    yield _gauge("posecast_archive_up", "Whether the archive's store works", 0 if now.trouble else 1)
+    fates = {"written": now.written, "dropped": now.dropped, "expired": now.expired}
+    yield _counter("posecast_archive_segments", "Segments for the store by result", fates, "fate")
+    yield _counter("posecast_archive_failures", "Calls to the store that failed", now.failures)
+    yield _gauge(
         "posecast_archive_waiting_bytes", "Memory of segments that wait to be written", now.waiting_bytes
     )
-    yield GaugeMetricFamily("posecast_archive_bytes", "Size of the segments in the store", now.stored_bytes)
+    yield _gauge("posecast_archive_bytes", "Size of the segments in the store", now.stored_bytes)
     if now.free_bytes is not None and now.disk_bytes is not None:
-        yield GaugeMetricFamily(
-            "posecast_archive_free_bytes", "Free space on the archive's disk", now.free_bytes
-        )
-        yield GaugeMetricFamily("posecast_archive_disk_bytes", "Size of the archive's disk", now.disk_bytes)
+        yield _gauge("posecast_archive_free_bytes", "Free space on the archive's disk", now.free_bytes)
+        yield _gauge("posecast_archive_disk_bytes", "Size of the archive's disk", now.disk_bytes)
 
 
 EVICTIONS = (Close.HALF_OPEN, Close.NO_ACK, Close.EVENTS_FULL)
@@ -72,14 +67,6 @@ class MirrorStats(Protocol):
 
     written: Counter[str]
     breaker: Breaker
-
-
-class PastStats(Protocol):
-    """The counters of the recorded past. `added`, `crowded_out`: segments since the process started."""
-
-    bytes: int
-    added: int
-    crowded_out: int
 
 
 class PastConnectionStats(Protocol):
@@ -94,14 +81,6 @@ class PastConnectionStats(Protocol):
         """Return how long exchanges took, and how often the connection was lost."""
 
 
-class HeldStats(Protocol):
-    """The counters of requests that wait for the next segment."""
-
-    count: int
-    turned_away: int
-    answers: Counter[str]
-
-
 @runtime_checkable
 class PastWriterStats(Protocol):
     """The counters of segments written to Redis."""
@@ -110,206 +89,153 @@ class PastWriterStats(Protocol):
     dropped: int
 
 
+@dataclass(frozen=True, eq=False)
 class RelayCollector(Collector):
-    """Reads the core's counters when Prometheus asks, in the metrics server's thread."""
+    """Reads the core's counters when Prometheus asks, in the metrics server's thread.
 
-    def __init__(
-        self,
-        dispatchers: Sequence[Dispatcher],
-        mirror: MirrorStats | None = None,
-        refused: Callable[[], int] = int,
-        past: PastStats | None = None,
-        connection: PastConnectionStats | None = None,
-        held: HeldStats | None = None,
-        archive: ArchiveStats | None = None,
-        measure_config: Callable[[], Mapping[str, int]] = dict,
-        find_expiries: Callable[[], Mapping[str, float]] = dict,
-        is_listening: Callable[[], bool] = lambda: True,
-    ) -> None:
-        """`dispatchers`: the live one, then the one for delayed viewers.
+    `dispatchers`: the live one, then the one for delayed viewers. `count_refused` returns how many publishers
+    were refused so far. `measure_config` returns for each kind of configuration file whether it is valid and
+    in force (1) or not (0). `find_expiries` returns when the certificates in use expire, in unix seconds, by
+    the flag that names the file. `is_listening` returns whether robots can connect.
+    """
 
-        `refused` returns how many publishers were refused so far. `measure_config` returns for each kind of
-        configuration file whether it is valid and in force (1) or not (0). `find_expiries` returns when the
-        certificates in use expire, in unix seconds, by the flag that names the file. `is_listening` returns
-        whether robots can connect.
-        """
-        self._refused = refused
-        self._dispatcher = dispatchers[0]
-        self._dispatchers = list(dispatchers)
-        self._hubs = [dispatcher.hub for dispatcher in dispatchers]
-        self._mirror = mirror
-        self._past = past
-        self._connection = connection
-        self._held = held
-        self._archive = archive
-        self._measure_config = measure_config
-        self._find_expiries = find_expiries
-        self._is_listening = is_listening
+    dispatchers: Sequence[Dispatcher]
+    mirror: MirrorStats | None = None
+    count_refused: Callable[[], int] = int
+    past: MemoryPast | None = None
+    connection: PastConnectionStats | None = None
+    held: HeldRequests | None = None
+    archive: ArchiveStats | None = None
+    measure_config: Callable[[], Mapping[str, int]] = dict
+    find_expiries: Callable[[], Mapping[str, float]] = dict
+    is_listening: Callable[[], bool] = lambda: True
 
     def collect(self) -> Iterable[Metric]:
         """Yield all metrics with their present values."""
-        hub = self._dispatcher.hub
-        everywhere = [robot for each in self._hubs for robot in list(each.robots.values())]
+        live = self.dispatchers[0]
+        hub, hubs = live.hub, [dispatcher.hub for dispatcher in self.dispatchers]
+        everywhere = [robot for each in hubs for robot in list(each.robots.values())]
         rooms = [room for robot in everywhere for room in list(robot.rooms.values())]
-        viewers = sum(len(each.viewers) for each in self._hubs)
-        now = self._dispatcher.now()
-        yield GaugeMetricFamily("posecast_viewers", "Viewers connected", viewers)
-        yield _make_labelled(
-            "posecast_robots",
-            "Robots by status",
-            "state",
-            _count_statuses(self._dispatcher, now),
-            GaugeMetricFamily,
-        )
-        yield _make_labelled(
-            "posecast_edge_frames",
-            "Frames from robots by result",
-            "fate",
-            hub.outcomes,
-            CounterMetricFamily,
-        )
+        viewers = sum(len(each.viewers) for each in hubs)
+        now = live.now()
+        yield _gauge("posecast_viewers", "Viewers connected", viewers)
+        yield _gauge("posecast_robots", "Robots by status", _count_statuses(live, now), "state")
+        yield _counter("posecast_edge_frames", "Frames from robots by result", hub.outcomes, "fate")
         over = sum(1 for robot in list(hub.robots.values()) if robot.share.find_exceeded_limit(now))
-        yield GaugeMetricFamily("posecast_robots_over_share", "Robots that send more than their share", over)
-        faults: Counter[str] = sum(
-            (Counter(dispatcher.faults) for dispatcher in self._dispatchers), Counter()
-        )
-        yield _make_labelled(
-            "posecast_faults", "Faults of the relay's own code", "error", faults, CounterMetricFamily
-        )
-        yield CounterMetricFamily(
-            "posecast_publishers_refused", "Publishers that were refused", self._refused()
-        )
-        yield _make_labelled(
+        yield _gauge("posecast_robots_over_share", "Robots that send more than their share", over)
+        faults: Counter[str] = sum((Counter(dispatcher.faults) for dispatcher in self.dispatchers), Counter())
+        yield _counter("posecast_faults", "Faults of the relay's own code", faults, "error")
+        yield _counter("posecast_publishers_refused", "Publishers that were refused", self.count_refused())
+        yield _gauge(
             "posecast_config_up",
             "Whether the configuration files are valid and in force",
+            self.measure_config(),
             "file",
-            self._measure_config(),
-            GaugeMetricFamily,
         )
-        yield GaugeMetricFamily(
-            "posecast_robots_port_up", "Whether robots can connect", int(self._is_listening())
-        )
-        delivered = sum(each.delivered for each in self._hubs) + sum(room.delivered for room in rooms)
-        yield CounterMetricFamily("posecast_delivered_frames", "Frames sent to viewers", delivered)
-        skipped = sum(each.skipped for each in self._hubs) + sum(room.skipped for room in rooms)
-        yield CounterMetricFamily(
-            "posecast_skipped_frames", "Frames not sent to viewers that were too slow", skipped
-        )
-        shaken = self._dispatcher.handshakes
-        yield _make_labelled(
-            "posecast_handshakes", "Requests for a stream", "result", shaken, CounterMetricFamily
-        )
-        yield from _describe_endings(self._hubs)
-        ceiling_hz = min(each.load.ceiling_hz for each in self._hubs)
-        yield GaugeMetricFamily(
+        yield _gauge("posecast_robots_port_up", "Whether robots can connect", int(self.is_listening()))
+        delivered = sum(each.delivered for each in hubs) + sum(room.delivered for room in rooms)
+        yield _counter("posecast_delivered_frames", "Frames sent to viewers", delivered)
+        skipped = sum(each.skipped for each in hubs) + sum(room.skipped for room in rooms)
+        yield _counter("posecast_skipped_frames", "Frames not sent to viewers that were too slow", skipped)
+        shaken = live.handshakes
+        yield _counter("posecast_handshakes", "Requests for a stream", shaken, "result")
+        yield from _describe_endings(hubs)
+        ceiling_hz = min(each.load.ceiling_hz for each in hubs)
+        yield _gauge(
             "posecast_ceiling_hz", "Highest frame rate that overload allows; +Inf = no limit", ceiling_hz
         )
-        yield GaugeMetricFamily("posecast_tasks", "Tasks on the event loop", self._dispatcher.tasks)
-        yield _make_histogram(
+        yield _gauge("posecast_tasks", "Tasks on the event loop", live.tasks)
+        yield _histogram(
             "posecast_frame_lateness_seconds", "Delay from robot to relay, above the lowest", hub.lateness
         )
-        yield _make_histogram(
-            "posecast_fan_out_seconds", "Time to hand out received frames", self._dispatcher.fan_out
-        )
-        yield _make_histogram(
-            "posecast_loop_lag_seconds", "How late the event loop is", self._dispatcher.loop_lag
-        )
-        yield _make_labelled(
+        yield _histogram("posecast_fan_out_seconds", "Time to hand out received frames", live.fan_out)
+        yield _histogram("posecast_loop_lag_seconds", "How late the event loop is", live.loop_lag)
+        yield _gauge(
             "posecast_certificate_expiry_timestamp_seconds",
             "When the certificates for robots' connections expire",
+            self.find_expiries(),
             "flag",
-            self._find_expiries(),
-            GaugeMetricFamily,
         )
-        trouble = self._dispatcher.store.find_trouble()
-        yield GaugeMetricFamily("posecast_store_up", "Whether the state store works", 0 if trouble else 1)
-        exchanges = self._dispatcher.store.get_exchanges()
+        trouble = live.store.find_trouble()
+        yield _gauge("posecast_store_up", "Whether the state store works", 0 if trouble else 1)
+        exchanges = live.store.get_exchanges()
         if exchanges is not None:
             seconds, losses = exchanges
-            yield _make_histogram(
+            yield _histogram(
                 "posecast_store_seconds", "Exchanges with the store; they time out at 0.25", seconds
             )
-            yield CounterMetricFamily("posecast_store_losses", "Times the store was lost", losses)
-        if self._mirror is not None:
-            yield from _describe_mirror(self._mirror)
-        if self._past is not None:
-            yield from _describe_past(self._past, hub.recorder)
-        if self._connection is not None:
-            yield from _describe_past_connection(self._connection)
-        if self._held is not None:
-            yield from _describe_held(self._held)
-        if self._archive is not None:
-            yield from describe_archive(self._archive)
+            yield _counter("posecast_store_losses", "Times the store was lost", losses)
+        if self.mirror is not None:
+            yield from _describe_mirror(self.mirror)
+        if self.past is not None:
+            yield from _describe_past(self.past, hub.recorder)
+        if self.connection is not None:
+            yield from _describe_past_connection(self.connection)
+        if self.held is not None:
+            yield from _describe_held(self.held)
+        if self.archive is not None:
+            yield from describe_archive(self.archive)
 
 
 def _describe_endings(hubs: Sequence[Hub]) -> Iterable[Metric]:
     endings: Counter[int] = sum((Counter(each.endings) for each in hubs), Counter())
     by_code = {str(int(code)): count for code, count in endings.items()}
-    yield _make_labelled(
-        "posecast_endings", "Viewers disconnected, by close code", "code", by_code, CounterMetricFamily
-    )
+    yield _counter("posecast_endings", "Viewers disconnected, by close code", by_code, "code")
     laned = sum(each.sent_to_lane for each in hubs)
-    yield CounterMetricFamily(
-        "posecast_lane_viewers", "Viewers refused as full that were sent to the lane", laned
-    )
+    yield _counter("posecast_lane_viewers", "Viewers refused as full that were sent to the lane", laned)
     evicted = sum(endings[code] for code in EVICTIONS)
-    yield CounterMetricFamily(
-        "posecast_evictions", "Viewers disconnected because they were too slow", evicted
-    )
+    yield _counter("posecast_evictions", "Viewers disconnected because they were too slow", evicted)
 
 
 def _describe_mirror(mirror: MirrorStats) -> Iterable[Metric]:
     asked = {"sent": 0, "failed": 0} | mirror.written
-    text = "Requests to the mirror's database"
-    yield _make_labelled("posecast_mirror_requests", text, "result", asked, CounterMetricFamily)
+    yield _counter("posecast_mirror_requests", "Requests to the mirror's database", asked, "result")
     left = 1 if mirror.breaker.is_open else 0
-    yield GaugeMetricFamily(
-        "posecast_mirror_breaker_open", "Whether requests to it are paused after failures", left
-    )
+    yield _gauge("posecast_mirror_breaker_open", "Whether requests to it are paused after failures", left)
 
 
-def _describe_past(past: PastStats, recorder: RecordsPast | None) -> Iterable[Metric]:
-    yield CounterMetricFamily("posecast_past_segments", "Segments closed and kept", past.added)
-    yield CounterMetricFamily(
+def _describe_past(past: MemoryPast, recorder: RecordsPast | None) -> Iterable[Metric]:
+    yield _counter("posecast_past_segments", "Segments closed and kept", past.added)
+    yield _counter(
         "posecast_past_crowded_out_segments",
         "Segments dropped early because memory was full",
         past.crowded_out,
     )
-    yield GaugeMetricFamily("posecast_past_bytes", "Memory that the past takes", past.bytes)
+    yield _gauge("posecast_past_bytes", "Memory that the past takes", past.bytes)
     faults = 0 if recorder is None else sum(Counter(recorder.faults).values())
-    yield CounterMetricFamily("posecast_past_faults", "Recordings that failed and were restarted", faults)
+    yield _counter("posecast_past_faults", "Recordings that failed and were restarted", faults)
 
 
 def _describe_past_connection(connection: PastConnectionStats) -> Iterable[Metric]:
     seconds, losses = connection.get_exchanges()
     up = 0 if connection.find_trouble() else 1
-    yield GaugeMetricFamily("posecast_past_redis_up", "Whether the past can use Redis", up)
-    yield _make_histogram(
+    yield _gauge("posecast_past_redis_up", "Whether the past can use Redis", up)
+    yield _histogram(
         "posecast_past_redis_seconds", "Exchanges with Redis for the past; they time out at 0.25", seconds
     )
-    yield CounterMetricFamily("posecast_past_redis_losses", "Times the past lost Redis", losses)
-    yield CounterMetricFamily(
+    yield _counter("posecast_past_redis_losses", "Times the past lost Redis", losses)
+    yield _counter(
         "posecast_past_redis_passed_over",
         "Damaged entries in Redis that were ignored",
         connection.passed_over,
     )
     if isinstance(connection, PastWriterStats):
         fates = {"written": connection.written, "dropped": connection.dropped}
-        text = "Segments for Redis by result"
-        yield _make_labelled("posecast_past_redis_segments", text, "fate", fates, CounterMetricFamily)
+        yield _counter("posecast_past_redis_segments", "Segments for Redis by result", fates, "fate")
 
 
-def _describe_held(held: HeldStats) -> Iterable[Metric]:
-    text = "Requests that wait for the next segment"
-    yield GaugeMetricFamily("posecast_past_held_requests", text, held.count)
-    text = "Requests answered at once because too many are waiting"
-    yield CounterMetricFamily("posecast_past_turned_away_requests", text, held.turned_away)
+def _describe_held(held: HeldRequests) -> Iterable[Metric]:
+    yield _gauge("posecast_past_held_requests", "Requests that wait for the next segment", held.count)
+    yield _counter(
+        "posecast_past_turned_away_requests",
+        "Requests answered at once because too many are waiting",
+        held.turned_away,
+    )
     given = {"segment": 0, "next": 0, "not yet": 0, "none": 0} | held.answers
-    text = "Requests for a segment by answer"
-    yield _make_labelled("posecast_past_segment_requests", text, "result", given, CounterMetricFamily)
+    yield _counter("posecast_past_segment_requests", "Requests for a segment by answer", given, "result")
 
 
-def _make_histogram(name: str, text: str, times: Histogram) -> Metric:
+def _histogram(name: str, text: str, times: Histogram) -> Metric:
     metric = HistogramMetricFamily(name, text)
     upto = [str(bound) for bound in BOUNDS_S] + ["+Inf"]
     metric.add_metric([], list(zip(upto, accumulate(times.counts), strict=True)), times.sum_s)
@@ -324,16 +250,21 @@ def _count_statuses(dispatcher: Dispatcher, now: float) -> dict[str, int]:
     return found
 
 
-def _make_labelled(
-    name: str,
-    text: str,
-    label: str,
-    values: Mapping[str, float],
-    family: type[CounterMetricFamily] | type[GaugeMetricFamily],
-) -> Metric:
-    metric = family(name, text, labels=[label])
-    for value, count in list(values.items()):
-        metric.add_metric([value], count)
+def _gauge(name: str, text: str, value: float | Mapping[str, float], label: str = "") -> Metric:
+    return _fill(GaugeMetricFamily(name, text, labels=[label] if label else []), value)
+
+
+def _counter(name: str, text: str, value: float | Mapping[str, float], label: str = "") -> Metric:
+    return _fill(CounterMetricFamily(name, text, labels=[label] if label else []), value)
+
+
+def _fill(metric: GaugeMetricFamily | CounterMetricFamily, value: float | Mapping[str, float]) -> Metric:
+    """Add one value, or one for each value of the metric's label."""
+    if isinstance(value, Mapping):
+        for name, number in list(value.items()):
+            metric.add_metric([name], number)
+    else:
+        metric.add_metric([], value)
     return metric
 
 

@@ -19,14 +19,14 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
-from posecast_wire.checked import SCRIPT_MARKS, loads
+from posecast_wire.checked import SCRIPT_MARKS
 
 from posecast_relay.auth.access import Access
 from posecast_relay.http.robots import find_open_summary
-from posecast_relay.kit import RefusalMemory
+from posecast_relay.kit import RecentDict, RefusalMemory
 from posecast_relay.logging import visible
 from posecast_relay.models.cache import Absent, ModelCache, ModelFile, Unavailable
-from posecast_relay.models.manifest import Entry
+from posecast_relay.models.manifest import Entry, read_thumbnail
 from posecast_relay.models.picture import PICTURE_TYPES, PictureError, PictureSize, read_picture_size
 
 SIDE_BY_SIDE_MAX = 6  # as in the page's own routes (spa/src/app/state/route.ts)
@@ -62,7 +62,7 @@ def place_page(page: str, home: str, more: str = "") -> str:
 
 
 PICTURE_BYTES_MAX = 500_000
-KEPT = 1000  # cached names and sizes of pictures; beyond this, the cache starts over
+KEPT = 1000  # cached names and sizes of pictures
 LOADING_MAX = 64  # pictures loaded for previews at once; further robots have none until a place is free
 
 
@@ -73,8 +73,8 @@ class Thumbnails:
         """`now` is a clock in seconds."""
         self._models = models
         self._now = now
-        self._paths: dict[str, str] = {}  # by the model's digest
-        self._checked: dict[Entry, PictureSize | str] = {}  # or why it is refused
+        self._paths: RecentDict[str, str] = RecentDict(KEPT)  # by the model's digest
+        self._checked: RecentDict[Entry, PictureSize | str] = RecentDict(KEPT)  # or why it is refused
         self._loading: dict[tuple[str, str], tuple[asyncio.Task[PictureSize], float]] = {}  # begun when
         self._away = RefusalMemory(now)  # pictures that failed to load lately, so that nobody waits for them
 
@@ -131,8 +131,6 @@ class Thumbnails:
                 size = read_picture_size(data, entry.type)
             except PictureError as e:
                 size = f"the picture in this model can't be shown: {e}"
-            if len(self._checked) >= KEPT:
-                self._checked.clear()
             self._checked[entry] = size
         if isinstance(size, str):
             raise Absent(size)
@@ -142,12 +140,7 @@ class Thumbnails:
         """Return the picture's path in a model whose manifest is cached; "" without one."""
         path = self._paths.get(digest)
         if path is None:
-            manifest = loads(bytes(self._models.find_data(digest) or b"{}").decode())
-            named = manifest.get("thumbnail") if isinstance(manifest, dict) else None
-            path = named if isinstance(named, str) else ""
-            if len(self._paths) >= KEPT:
-                self._paths.clear()
-            self._paths[digest] = path
+            path = self._paths[digest] = read_thumbnail(self._models.find_data(digest) or b"{}")
         return path
 
 

@@ -23,6 +23,7 @@ from starlette.datastructures import Headers
 from starlette.types import Receive, Scope, Send
 
 from posecast_relay.http.previews import LinkPreview, find_home, place_page, read_robots
+from posecast_relay.kit import NEVER, ExpiringCache
 from posecast_relay.net.request import OPEN, choose_encoding
 
 POLICY_TAG = re.compile(r'(?i)<meta\s+http-equiv="content-security-policy"\s+content="([^"]*)"')
@@ -47,12 +48,13 @@ def _read_policy(page: Path, _mtime_ns: int) -> str | None:
 
 
 OF_A_DISK = ("accept-ranges", "content-length")  # headers of an answer that is read from disk in parts
-KEPT_BYTES = 64_000_000  # of all files; beyond this, the cache starts over
+KEPT_BYTES = 64_000_000  # of all files
 KEEP_UP_TO_BYTES = 8_000_000  # of one file; a larger one is read from disk for each request
 DETOURS = frozenset(("", ".", ".."))  # folder names that a path must not contain
 HASHED = "public, max-age=31536000, immutable"  # of files with a hash in their name
 # compressed forms that a build makes, by content encoding, and the suffix of their files; the smallest first
 PACKED = {"br": ".br", "gzip": ".gz"}
+FRESH = {"cache-control": "no-cache", "x-content-type-options": "nosniff"}  # browsers ask each time
 PAGE_HEADERS = {
     "x-frame-options": "DENY",
     "referrer-policy": "no-referrer",
@@ -65,23 +67,15 @@ class KeptFiles:
     """Keeps files in memory until they change on disk."""
 
     def __init__(self) -> None:
-        self._files: dict[str, tuple[int, int, bytes]] = {}
-        self._bytes = 0
+        self._files: ExpiringCache[tuple[int, int, bytes]] = ExpiringCache(KEPT_BYTES)  # by path
 
     def read(self, path: str, found: os.stat_result) -> bytes:
         """Return a file's bytes. Raises OSError."""
-        known = self._files.get(path)
-        if known is not None and known[:2] == (found.st_mtime_ns, found.st_size):
-            return known[2]
-        data = Path(path).read_bytes()
-        if known is not None:
-            self._bytes -= len(known[2])
-        elif self._bytes + len(data) > KEPT_BYTES:
-            self._files.clear()
-            self._bytes = 0
-        self._files[path] = found.st_mtime_ns, found.st_size, data
-        self._bytes += len(data)
-        return data
+        known = self._files.find(path, 0.0)
+        if known is None or known[:2] != (found.st_mtime_ns, found.st_size):
+            known = found.st_mtime_ns, found.st_size, Path(path).read_bytes()
+            self._files.put(path, known, len(known[2]), NEVER)
+        return known[2]
 
 
 class _Shared(Response):
@@ -146,8 +140,7 @@ class StaticFolder(StaticFiles):
         response.headers["vary"] = "accept-encoding"
         if encoding is not None:
             response.headers["content-encoding"] = encoding
-        response.headers["cache-control"] = "no-cache"
-        response.headers["x-content-type-options"] = "nosniff"
+        response.headers.update(FRESH)
         return response
 
 
@@ -220,11 +213,7 @@ class Page(StaticFolder):
             return None
         if home is None:
             return None
-        headers = PAGE_HEADERS | {
-            "cache-control": "no-cache",
-            "vary": "accept",
-            "x-content-type-options": "nosniff",
-        }
+        headers = PAGE_HEADERS | FRESH | {"vary": "accept"}
         policy = read_content_policy(self._index)
         if policy is not None:
             headers["content-security-policy"] = f"{policy}; {FRAMES}"
@@ -286,11 +275,8 @@ class Guide(StaticFolder):
             return self._make_absence(scope)
 
     def _make_absence(self, scope: Scope) -> Response:
-        headers = GUIDE_HEADERS | {
-            "cache-control": "no-cache",
-            "content-security-policy": f"{GUIDE_POLICY}; {GUIDE_FRAMES}",
-            "x-content-type-options": "nosniff",
-        }
+        policy = {"content-security-policy": f"{GUIDE_POLICY}; {GUIDE_FRAMES}"}
+        headers = GUIDE_HEADERS | FRESH | policy
         page = self._folder / "404.html"
         home = find_home(scope.get("raw_path", scope["path"].encode()).decode("latin-1"))
         try:

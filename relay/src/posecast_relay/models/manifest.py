@@ -55,6 +55,16 @@ def read_manifest(data: bytes) -> dict[str, Entry]:
     return found
 
 
+def read_thumbnail(manifest: bytes | bytearray) -> str:
+    """Return the path of the model's small picture, unchecked; "" if the manifest names none.
+
+    Raises ValueError if it is not JSON.
+    """
+    doc = loads(bytes(manifest))
+    name = doc.get("thumbnail") if isinstance(doc, dict) else None
+    return name if isinstance(name, str) else ""
+
+
 def _entry(doc: object, where: str) -> tuple[str, Entry]:
     if not isinstance(doc, dict):
         raise ManifestError(f"{where}: want an object")

@@ -58,9 +58,14 @@ class AnswerCache:
 
 def _send(request: Request, made: _Made, more: dict[str, str]) -> Response:
     headers = {"etag": made.etag, "cache-control": "public, max-age=1"} | more
-    if has_already(request, made.etag):
+    return send_named(request, made.body, "application/json", headers)
+
+
+def send_named(request: Request, body: bytes, media_type: str, headers: dict[str, str]) -> Response:
+    """Return a body whose ETag is in `headers`; 304 if the client already has it."""
+    if has_already(request, headers["etag"]):
         return Response(status_code=304, headers=headers)
-    return Response(made.body, media_type="application/json", headers=headers)
+    return Response(body, media_type=media_type, headers=headers)
 
 
 def has_already(request: Request, etag: str) -> bool:

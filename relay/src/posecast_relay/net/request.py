@@ -4,6 +4,7 @@ answer, and how it may be compressed.
 
 from __future__ import annotations
 
+import random
 import re
 from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +18,8 @@ from starlette.datastructures import Headers
 from posecast_relay.auth.access import Access
 from posecast_relay.auth.addresses import is_loopback
 from posecast_relay.core.policy import ANYONE, Applicant, Grant, Principal, Refusal
+from posecast_relay.core.viewer import Outlet, Viewer
+from posecast_relay.runtime.dispatcher import Dispatcher
 
 STREAM_PATH = re.compile(r"/api/v1/robots/([^/]{1,200})/live(\.sse)?")
 DEFAULT_HZ = "30"
@@ -62,6 +65,27 @@ class StreamRequest:
         except NoSuchStream as e:
             bad_name = str(e)
         return Applicant(self.robot, self.view, shows_token, is_foreign, bad_name=bad_name)
+
+
+def make_viewer(
+    outlet: Outlet, asked: StreamRequest, grant: Grant, dispatcher: Dispatcher, *, speaks: bool = True
+) -> Viewer:
+    """Make the viewer of a granted stream. `speaks`: it can send messages."""
+    limits, now = dispatcher.hub.limits, dispatcher.now()
+    return Viewer(
+        outlet,
+        robot=asked.robot,
+        view=grant.view,
+        hz=asked.hz,
+        limits=limits,
+        now=now,
+        lives_s=limits.max_age_s * random.uniform(0.9, 1.1),
+        decoded=asked.decoded,
+        speaks=speaks,
+        grant=grant,
+        asked_view=asked.view,
+        expires_at=now + grant.who.until_s - dispatcher.unix_s(),
+    )
 
 
 def join_all(values: Iterable[str]) -> str | None:

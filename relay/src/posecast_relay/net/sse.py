@@ -22,7 +22,6 @@ from posecast_wire import Close, Retry, retry_of
 from posecast_relay.auth.access import Access
 from posecast_relay.core import messages
 from posecast_relay.core.policy import ANYONE, DRAIN_RETRY_S, GOING, Applicant, Grant, Refusal
-from posecast_relay.core.viewer import Viewer
 from posecast_relay.net.encodings import DecodeCache, Encoding, EventStreamEncoding, JsonEncoding
 from posecast_relay.net.http1 import HttpConnection, PendingRequests, RequestTimeouts, make_timeouts
 from posecast_relay.net.request import (
@@ -30,6 +29,7 @@ from posecast_relay.net.request import (
     BadRequest,
     StreamRequest,
     join_all,
+    make_viewer,
     read_bearer,
     read_target,
 )
@@ -102,22 +102,7 @@ class EventStream(asyncio.Protocol):
         self._form = form
         self._closing: asyncio.TimerHandle | None = None
         self._failed = False
-        limits = dispatcher.hub.limits
-        lives_s = limits.max_age_s * random.uniform(0.9, 1.1)
-        self._viewer = Viewer(
-            self,
-            robot=asked.robot,
-            view=grant.view,
-            hz=asked.hz,
-            limits=limits,
-            now=dispatcher.now(),
-            lives_s=lives_s,
-            decoded=asked.decoded,
-            speaks=False,
-            grant=grant,
-            asked_view=asked.view,
-            expires_at=dispatcher.now() + grant.who.until_s - dispatcher.unix_s(),
-        )
+        self._viewer = make_viewer(self, asked, grant, dispatcher, speaks=False)
 
     @isolated
     def start(self, pages: str | None) -> None:

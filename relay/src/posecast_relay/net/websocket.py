@@ -8,7 +8,6 @@ task, no queue, no copy.
 from __future__ import annotations
 
 import asyncio
-import random
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -27,7 +26,14 @@ from posecast_relay.core import messages
 from posecast_relay.core.policy import ANYONE, DRAIN_RETRY_S, GOING, REFUSALS, Applicant, Refusal
 from posecast_relay.core.viewer import Viewer
 from posecast_relay.net.encodings import DecodeCache, Encoding, JsonEncoding, JsonOutlet
-from posecast_relay.net.request import BadRequest, StreamRequest, join_all, read_bearer, read_target
+from posecast_relay.net.request import (
+    BadRequest,
+    StreamRequest,
+    join_all,
+    make_viewer,
+    read_bearer,
+    read_target,
+)
 from posecast_relay.runtime.socket_options import descriptor_of, peer_of, use_small_buffers
 from posecast_relay.runtime.tasks import FAULT, isolated, isolated_task
 
@@ -281,22 +287,8 @@ class LiveSocket(asyncio.Protocol):
             self._refuse_entry(grant)
             return
         dispatcher = self.dispatcher = self.access.find_dispatcher(grant)
-        lives_s = dispatcher.hub.limits.max_age_s * random.uniform(0.9, 1.1)
         outlet = JsonOutlet(self, partial(self.write_as, self.json_form)) if asked.decoded else self
-        limits, now = dispatcher.hub.limits, dispatcher.now()
-        self._viewer = Viewer(
-            outlet,
-            robot=asked.robot,
-            view=grant.view,
-            hz=asked.hz,
-            limits=limits,
-            now=now,
-            lives_s=lives_s,
-            decoded=asked.decoded,
-            grant=grant,
-            asked_view=asked.view,
-            expires_at=self.access.compute_expiry(grant),
-        )
+        self._viewer = make_viewer(outlet, asked, grant, dispatcher)
         self._own_descriptor = descriptor_of(self._transport)
         dispatcher.join(self._viewer)
         if self._transport.get_write_buffer_size() == 0:

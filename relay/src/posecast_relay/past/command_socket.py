@@ -24,15 +24,14 @@ from types import TracebackType
 from posecast_wire.checked import loads
 
 from posecast_relay.kit import json_bytes
-from posecast_relay.past.deletion_record import unpack_deletion
-from posecast_relay.past.deletions import Deletions
+from posecast_relay.past.deletions import Deletions, unpack_deletion
 from posecast_relay.past.memory import MemoryPast
+from posecast_relay.past.segment import DAY_MS
 
 log = logging.getLogger("posecast_relay")
 
 LINE_BYTES_MAX = 1 << 16
 PATIENCE_S = 5.0  # to receive a whole line
-DAY_MS = 86_400_000
 
 
 class PastSocket:

@@ -1,15 +1,22 @@
 """Deletions of the past: time spans of a robot that nobody keeps, writes or shows any more.
 
-A deletion only affects what was recorded before it was ordered. Later recordings are kept.
+A deletion only affects what was recorded before it was ordered. Later recordings are kept. It is encoded in
+an object store (a tombstone), in Redis, and on the way from the command to a relay. What is read is not
+trusted: if it is malformed or of another version, reading raises ValueError with a one-line message.
 """
 
 from __future__ import annotations
 
+import re
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
 
-from posecast_relay.past.segment import KeptSegment
+from posecast_wire import check_name
+from posecast_wire.checked import loads
+
+from posecast_relay.kit import json_bytes
+from posecast_relay.past.segment import WHOLE_MAX, KeptSegment
 
 KNOWN_MAX = 10_000  # some megabytes; beyond that the oldest is forgotten, which was executed long ago
 
@@ -85,10 +92,6 @@ class Deletions:
         """Whether a deletion with this id is known."""
         return id_ in self._known
 
-    def list_known(self) -> Iterable[Deletion]:
-        """Return all known deletions in the order in which they were added."""
-        return tuple(self._known.values())
-
     def cover(self, robot: str, view: str, from_ms: int, to_ms: int) -> bool:
         """Whether any deletion overlaps the span from `from_ms` to `to_ms`, unix ms, of a view."""
         return any(each.covers(robot, view, from_ms, to_ms) for each in self._of.get(robot, {}).values())
@@ -107,3 +110,42 @@ class Deletions:
     def cover_segment(self, segment: KeptSegment) -> bool:
         """Whether any deletion covers a segment."""
         return any(each.covers_segment(segment) for each in self._of.get(segment.name.robot, {}).values())
+
+
+VERSION = 1
+RECORD_BYTES_MAX = 4096
+ID = re.compile("[0-9a-f]{16}", re.ASCII)
+
+
+def pack_deletion(deletion: Deletion) -> bytes:
+    """Encode a deletion."""
+    return json_bytes({"v": VERSION} | asdict(deletion))
+
+
+def unpack_deletion(data: bytes) -> Deletion:
+    """Parse a deletion. Raises ValueError if it is invalid."""
+    if len(data) > RECORD_BYTES_MAX:
+        raise ValueError("deletion: too long")
+    doc = loads(data)
+    if not isinstance(doc, dict):
+        raise ValueError("deletion: not an object")
+    if doc.get("v") != VERSION:
+        raise ValueError(f"deletion: unsupported version {doc.get('v')!r:.20}")
+    robot, view, id_ = doc.get("robot"), doc.get("view"), doc.get("id")
+    if not isinstance(robot, str) or not (view is None or isinstance(view, str)):
+        raise ValueError("deletion: invalid robot or view")
+    if not isinstance(id_, str) or not ID.fullmatch(id_):
+        raise ValueError("deletion: invalid id")
+    from_ms, to_ms, at_ms = (_read_ms(doc.get(name)) for name in ("from_ms", "to_ms", "at_ms"))
+    if not from_ms <= to_ms <= at_ms:
+        raise ValueError("deletion: not a time span that was over when it was ordered")
+    check_name("robot", robot)
+    if view is not None:
+        check_name("view", view)
+    return Deletion(robot, view, from_ms, to_ms, at_ms, id_)
+
+
+def _read_ms(found: object) -> int:
+    if type(found) is not int or not 0 <= found <= WHOLE_MAX:
+        raise ValueError("deletion: invalid time")
+    return found

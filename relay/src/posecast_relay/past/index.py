@@ -12,14 +12,21 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeVar, get_args
+from typing import Any, NamedTuple, TypeVar
 
 from posecast_wire.checked import loads
 from posecast_wire.messages import RobotStatus
 
 from posecast_relay.core.policy import Audience
 from posecast_relay.past.segment import (
+    DAY_MS,
+    MINUTE_MS,
     PAGE_MS,
+    SHA256,
+    U32_MAX,
+    U64,
+    WHOLE_MAX,
+    WORDS,
     KeptSegment,
     PastWord,
     TakeSpan,
@@ -31,15 +38,10 @@ from posecast_relay.past.segment import (
 T = TypeVar("T")
 
 VERSION = 1
-DAY_MS, MINUTE_MS = 86_400_000, 60_000
 DAY_BYTES_MAX = 8 << 20
 ROWS_MAX = 4096  # of one kind, in ten minutes
-U32_MAX, WHOLE_MAX = (1 << 32) - 1, (1 << 53) - 1
 LONGEST_MS = 1_200_000  # from the start of ten minutes to the end of the last segment that began in them
 ROW_BYTES, PAGE_BYTES = 320, 1200  # overhead of Python objects
-WORDS: tuple[RobotStatus, ...] = get_args(RobotStatus)
-TAKE = re.compile("[0-9a-f]{16}", re.ASCII)
-SHA256 = re.compile("[0-9a-f]{64}", re.ASCII)
 
 
 class MinuteRow(NamedTuple):
@@ -301,7 +303,7 @@ def _read_page(doc: object, day_ms: int) -> PageDigest:
         return MinuteRow(minute_ms, audiences, count, size, frames, row[5], faults, *read_span(row[7:]))
 
     def read_take(row: list[Any]) -> TakeSpan:
-        return TakeSpan(int(_text(row[0], TAKE), 16), _whole(row[1], U32_MAX), _whole(row[2], U32_MAX))
+        return TakeSpan(int(_text(row[0], U64), 16), _whole(row[1], U32_MAX), _whole(row[2], U32_MAX))
 
     return PageDigest(
         at_ms,

@@ -263,6 +263,36 @@ class MemoryPast:
         return () if shelf is None else shelf.views.get(view, ())
 
 
+class PastByView:
+    """A KeptPast whose views are each in a MemoryPast of their own."""
+
+    def get_view(self, robot: str, view: str) -> MemoryPast:
+        """Return the past of a view."""
+        raise NotImplementedError
+
+    def find(self, name: SegmentName) -> KeptSegment | None:
+        """Return the segment with this name; None if it is not here."""
+        return self.get_view(name.robot, name.view).find(name)
+
+    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
+        """Return the oldest segment of a view that is here, by when it was added."""
+        return self.get_view(robot, view).find_oldest(robot, view)
+
+    def list_segments(
+        self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
+    ) -> list[KeptSegment]:
+        """Return the segments that begin between `from_ms` and `to_ms` (exclusive), unix ms; None: no end."""
+        return self.get_view(robot, view).list_segments(robot, view, from_ms, to_ms)
+
+    def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
+        """Return the takes that have segments here, in the order in which they began."""
+        return self.get_view(robot, view).list_takes(robot, view)
+
+    def list_after(self, name: SegmentName) -> list[KeptSegment]:
+        """Return the segments of the same view that were added after this one."""
+        return self.get_view(name.robot, name.view).list_after(name)
+
+
 class MemoryPastSource(RecentOnly):
     """A PastSource in this process: it never has to wait."""
 

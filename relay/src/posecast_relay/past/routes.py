@@ -18,10 +18,10 @@ from fastapi import FastAPI, HTTPException, Request, Response
 
 from posecast_relay.auth.access import Access
 from posecast_relay.core.policy import HIDDEN, Grant, find_past_window
-from posecast_relay.net.answer_cache import Described, describe_json, has_already
+from posecast_relay.net.answer_cache import Described, describe_json, send_named
 from posecast_relay.net.request import OPEN, require_grant
 from posecast_relay.past import documents
-from posecast_relay.past.documents import (
+from posecast_relay.past.address import (
     AddressError,
     PastSpan,
     read_after,
@@ -350,9 +350,7 @@ def _share(grant: Grant, fresh_s: float, shared_s: float = 0.0) -> dict[str, str
 def _send(request: Request, body: bytes, type_: str, name: str, headers: dict[str, str]) -> Response:
     """Send immutable bytes named `name`; 304 if the caller already has them."""
     headers = headers | {"etag": f'"{name}"', "x-content-type-options": "nosniff"}
-    if has_already(request, headers["etag"]):
-        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
-    return Response(body, media_type=type_, headers=headers)
+    return send_named(request, body, type_, headers)
 
 
 def _key(grant: Grant, what: str) -> str:

@@ -86,6 +86,7 @@ class KeptSegment:
 
 
 PAGE_MS = 600_000  # segments are grouped by the page of this length in which they begin
+DAY_MS, MINUTE_MS = 86_400_000, 60_000
 
 
 class TakeSpan(NamedTuple):

@@ -10,7 +10,7 @@ import asyncio
 import logging
 import math
 import time
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -20,12 +20,14 @@ from typing import NamedTuple
 from posecast_wire.key_page import KeyPose, encode_key_page, pick_pose
 
 from posecast_relay.core.policy import Grant, Policy, find_past_window
+from posecast_relay.kit import NEVER, ExpiringCache
 from posecast_relay.net.answer_cache import AnswerCache
+from posecast_relay.past.address import PastSpan
 from posecast_relay.past.deletions import Deletion, Deletions
-from posecast_relay.past.documents import DAY_MS, PAGE_MS, PastExtent, PastSpan
+from posecast_relay.past.documents import PastExtent
 from posecast_relay.past.index import DayIndex, MinuteRow, ShownDay, sum_minutes
 from posecast_relay.past.reading import HiddenSpans, NotYet, PastReader
-from posecast_relay.past.segment import KeptSegment, SegmentName
+from posecast_relay.past.segment import DAY_MS, PAGE_MS, KeptSegment, SegmentName
 from posecast_relay.past.source import PastAway, PastSource
 
 log = logging.getLogger("posecast_relay")
@@ -45,8 +47,7 @@ class KeyPages:
     def __init__(self) -> None:
         self._worker = ThreadPoolExecutor(1, "key pages")
         self._waiting = 0
-        self._poses: OrderedDict[SegmentName, KeyPose] = OrderedDict()  # most recently used last
-        self._bytes = 0
+        self._poses: ExpiringCache[KeyPose] = ExpiringCache(POSES_BYTES)  # by SegmentName
 
     async def make_page(
         self, grant: Grant, from_ms: int, segments: Sequence[KeptSegment], every: int, load: Load
@@ -77,9 +78,7 @@ class KeyPages:
 
     def forget(self, robot: str) -> None:
         """Forget the poses of a robot because part of its past was deleted."""
-        for name in [name for name in self._poses if name.robot == robot]:
-            pose = self._poses.pop(name, None)  # the worker may have removed it first
-            self._bytes -= 0 if pose is None else _size(pose)
+        self._poses.forget(lambda name: isinstance(name, SegmentName) and name.robot == robot)
 
     def _divide(self, segments: Sequence[KeptSegment]) -> list[list[KeptSegment]]:
         """Divide them into parts that can be loaded at a time."""
@@ -101,21 +100,13 @@ class KeyPages:
         return [pose for segment in segments if (pose := self._pick(segment)) is not None]
 
     def _pick(self, segment: KeptSegment) -> KeyPose | None:
-        pose = self._poses.get(segment.name)
-        if pose is not None:
-            self._poses.move_to_end(segment.name)
-            return pose
-        pose = pick_pose(segment.data) if segment.data else None  # otherwise its pose was cached a moment ago
-        if pose is not None:
-            self._poses[segment.name] = pose
-            self._bytes += _size(pose)
-            while self._bytes > POSES_BYTES:
-                self._bytes -= _size(self._poses.popitem(last=False)[1])
+        pose = self._poses.find(segment.name, 0.0)
+        if pose is None and segment.data:  # without its bytes, its pose was cached a moment ago
+            pose = pick_pose(segment.data)
+            if pose is not None:
+                size = POSE_BYTES + len(pose.frame) + sum(map(len, pose.copies))
+                self._poses.put(segment.name, pose, size, NEVER)
         return pose
-
-
-def _size(pose: KeyPose) -> int:
-    return POSE_BYTES + len(pose.frame) + sum(map(len, pose.copies))
 
 
 # HTTP requests that wait for the next segment. Their number is bounded, and they end when the relay stops.

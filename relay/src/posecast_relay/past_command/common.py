@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from posecast_wire import check_name
-from posecast_wire.checked import loads
+from posecast_wire.checked import loads, make_visible
 
 from posecast_relay.archive.store import ObjectStore, open_object_store
 from posecast_relay.config.settings import SettingsError
@@ -107,6 +107,19 @@ def read_moment(text: str, *, is_end: bool = False) -> int:
     if not 0 <= unix_ms <= MS_MAX:
         raise TimeError("use a time in 1970 or later")
     return unix_ms
+
+
+def read_start(text: str, *, is_end: bool = False) -> int:
+    """Parse a time for argparse; a date means the start of that day."""
+    try:
+        return read_moment(text, is_end=is_end)
+    except TimeError as e:
+        raise argparse.ArgumentTypeError(f"'{make_visible(text)}': {e}") from None
+
+
+def read_end(text: str) -> int:
+    """Parse a time for argparse; a date means the end of that day."""
+    return read_start(text, is_end=True)
 
 
 def write_moment(unix_ms: int) -> str:

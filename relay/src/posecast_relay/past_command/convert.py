@@ -16,12 +16,11 @@ from posecast_wire.recording.contents import RECORDING_BYTES_MAX
 
 from posecast_relay.config.settings import SettingsError, SettingsParser
 from posecast_relay.export.span import ExportedSpan, FileUnreadable, RecordingFiles, open_recording_files
-from posecast_relay.past_command.common import write_moment
+from posecast_relay.past_command.common import read_end, read_start, write_moment
 from posecast_relay.past_command.export import (
     WRITING_FAILED,
     WrittenExport,
     catch_sigterm,
-    read_moment_argument,
     tell_written,
     write_table_file,
 )
@@ -42,10 +41,9 @@ def make_convert_parser(program: str = "posecast") -> CommandParser:
     told = "a .posecast file, an exported folder, or the ZIP of one"
     add("file", metavar="FILE", type=Path, help=told)
     add("out", metavar="OUT", type=_read_out, help="OUT.mcap: messages of ROS 2; OUT.csv: a table")
-    for flag, is_end in (("--from", False), ("--to", True)):
-        told = f"{'end' if is_end else 'start'} of the span to convert: 2026-11-22T14:20 or 14:20 [all of it]"
-        read = partial(read_moment_argument, is_end=is_end)
-        add(flag, dest=f"{flag[2:]}_ms", metavar="T", type=read, help=told)
+    for flag, what, read in (("from", "start", read_start), ("to", "end", read_end)):
+        told = f"{what} of the span to convert: 2026-11-22T14:20 or 14:20 [all of it]"
+        add(f"--{flag}", dest=f"{flag}_ms", metavar="T", type=read, help=told)
     add("--replace", action="store_true", help="replace an earlier export at OUT")
     return parser
 

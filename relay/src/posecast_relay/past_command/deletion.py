@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import secrets
 import sys
 import time
 from collections.abc import Mapping
@@ -15,19 +16,18 @@ from posecast_relay.archive.names import TOMBSTONES
 from posecast_relay.archive.store import NO_SPACE, ArchiveError, ArchiveRefused, ObjectStore
 from posecast_relay.config.settings import SettingsError
 from posecast_relay.kit import write_count
-from posecast_relay.past.deletion_record import make_deletion, pack_deletion
-from posecast_relay.past.deletions import Deletion
+from posecast_relay.past.deletions import Deletion, pack_deletion
 from posecast_relay.past_command.common import (
     OTHER_VERSION,
     CommandFailed,
     RelayAway,
-    TimeError,
     add_location,
     add_robot,
     ask_relay,
     find_relay_store,
     open_store,
-    read_moment,
+    read_end,
+    read_start,
     write_span,
 )
 
@@ -43,14 +43,18 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
     add_location(parser, environ)
     add_robot(parser, required=True)
     form = "2026-11-22T14:20 with or without a zone, 14:20 for today, or 2026-11-22 for the start of that day"
-    parser.add_argument("--from", dest="from_", metavar="TIME", help=f"start of the time span: {form}")
-    parser.add_argument(
-        "--to", metavar="TIME", help="end of the time span, same formats; a date means the end of that day"
-    )
+    to = "end of the time span, same formats; a date means the end of that day"
+    parser.add_argument("--from", dest="from_ms", metavar="TIME", type=read_start, help=f"start: {form}")
+    parser.add_argument("--to", dest="to_ms", metavar="TIME", type=read_end, help=to)
     parser.add_argument(
         "--all", action="store_true", help="delete everything recorded until now (replaces --from and --to)"
     )
     parser.add_argument("--yes", action="store_true", help="do not ask for confirmation")
+
+
+def make_deletion(robot: str, view: str | None, from_ms: int, to_ms: int, now_ms: int) -> Deletion:
+    """Order a deletion of what lies between two times, unix ms; it ends now at the latest."""
+    return Deletion(robot, view, from_ms, min(to_ms, now_ms), now_ms, secrets.token_hex(8))
 
 
 def run(asked: argparse.Namespace) -> None:
@@ -140,25 +144,16 @@ def _has_in_memory(asked: argparse.Namespace) -> bool:
 
 def _read_span(asked: argparse.Namespace, now_ms: int) -> tuple[int, int]:
     if asked.all:
-        if asked.from_ is not None or asked.to is not None:
+        if asked.from_ms is not None or asked.to_ms is not None:
             raise SettingsError("give --all or --from and --to, not both")
         return 0, now_ms
-    if asked.from_ is None or asked.to is None:
+    if asked.from_ms is None or asked.to_ms is None:
         raise SettingsError("give --from and --to, or --all")
-    from_ms = _read(asked.from_, "--from", is_end=False)
-    to_ms = _read(asked.to, "--to", is_end=True)
-    if from_ms >= to_ms:
-        raise SettingsError(f"--from {asked.from_} is not before --to {asked.to}")
-    if from_ms >= now_ms:
-        raise SettingsError(f"--from {asked.from_} is in the future")
-    return from_ms, to_ms
-
-
-def _read(text: str, where: str, *, is_end: bool) -> int:
-    try:
-        return read_moment(text, is_end=is_end)
-    except TimeError as e:
-        raise SettingsError(f"{where} {text!r}: {e}") from None
+    if asked.from_ms >= asked.to_ms:
+        raise SettingsError("--from is not before --to")
+    if asked.from_ms >= now_ms:
+        raise SettingsError("--from is in the future")
+    return asked.from_ms, asked.to_ms
 
 
 def _write_sum(segments: int, size: int) -> str:

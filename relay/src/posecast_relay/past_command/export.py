@@ -20,7 +20,6 @@ from posecast_wire.recording import PastRecording, RecordingError
 from posecast_wire.recording.contents import TITLE_CHARACTERS_MAX
 from posecast_wire.recording.reader import CONTROLS
 
-from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.config.settings import SettingsError, find_page
 from posecast_relay.core.policy import PUBLIC, Audience
 from posecast_relay.export.csv_file import TooManyColumnsError
@@ -28,12 +27,13 @@ from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
 from posecast_relay.export.span import ExportedSpan, RecordingFolder, write_table
 from posecast_relay.export.table import GAP_MS, HeldTime
 from posecast_relay.kit import write_count
+from posecast_relay.past.segment import PAGE_MS
 from posecast_relay.past_command.common import (
     CommandFailed,
-    TimeError,
     open_store,
-    read_moment,
+    read_end,
     read_name,
+    read_start,
     write_length,
     write_moment,
 )
@@ -82,13 +82,12 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
     add = parser.add_argument
     add("--robot", metavar="ID", type=read_name, required=True, help="the robot")
     add("--view", metavar="VIEW", type=read_name, help="the view to export [the view that viewers get]")
-    for flag, is_end in (("--from", False), ("--to", True)):
+    for flag, what, read in (("from", "start", read_start), ("to", "end", read_end)):
         told = (
-            f"{'end' if is_end else 'start'} of the time span: 2026-11-22T14:20 with or without a zone, or "
-            "14:20 for today; extended to whole segments"
+            f"{what} of the time span: 2026-11-22T14:20 with or without a zone, or 14:20 for today; extended "
+            "to whole segments"
         )
-        read = partial(read_moment_argument, is_end=is_end)
-        add(flag, dest=f"{flag[2:]}_ms", metavar="T", type=read, required=True, help=told)
+        add(f"--{flag}", dest=f"{flag}_ms", metavar="T", type=read, required=True, help=told)
     told = "a .posecast, .csv or .mcap file, or a folder for any static host"
     add("-o", "--out", dest="out", metavar="PATH", type=_read_out, required=True, help=told)
     add("--replace", action="store_true", help="replace an earlier export at OUT")
@@ -361,14 +360,6 @@ def _read_megabytes(text: str) -> int:
     if not re.fullmatch(r"[0-9]{1,6}", text, re.ASCII):
         raise argparse.ArgumentTypeError("use a whole number from 0 to 999999")
     return int(text)
-
-
-def read_moment_argument(text: str, is_end: bool) -> int:
-    """Parse a time for argparse."""
-    try:
-        return read_moment(text, is_end=is_end)
-    except TimeError as e:
-        raise argparse.ArgumentTypeError(f"'{make_visible(text)}': {e}") from None
 
 
 def _read_heading(text: str) -> str:

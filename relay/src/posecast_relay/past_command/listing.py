@@ -10,9 +10,11 @@ from dataclasses import dataclass
 
 from posecast_wire.command_line.progress_bar import ProgressBar
 
-from posecast_relay.archive.names import DAY_MS, read_segment_key, write_day
+from posecast_relay.archive.names import read_segment_key
 from posecast_relay.archive.store import ObjectStore
 from posecast_relay.kit import write_count
+from posecast_relay.past.address import write_day
+from posecast_relay.past.segment import DAY_MS
 from posecast_relay.past_command.common import (
     OTHER_VERSION,
     RelayAway,

@@ -38,8 +38,8 @@ from posecast_wire.segment import (
     decode_segment,
 )
 
-from posecast_relay.archive.names import PAGE_MS
 from posecast_relay.models.manifest import ManifestError, read_manifest
+from posecast_relay.past.segment import PAGE_MS
 from posecast_relay.recording.source import ListedSegment, PartAway, PastDamaged, RecordingSource
 
 AHEAD = 16  # segments that are asked for ahead of their turn

@@ -23,8 +23,10 @@ from posecast_wire.schema import TEXT_BYTES_MAX as SCHEMA_BYTES_MAX
 from posecast_wire.segment.envelope import ENVELOPE_BYTES_MAX
 from posecast_wire.segment.frame_chain import SEQS
 
-from posecast_relay.archive.names import DAY_MS, PAGE_MS, read_day
+from posecast_relay.archive.names import read_day
 from posecast_relay.models.manifest import BYTES_MAX as MANIFEST_BYTES_MAX
+from posecast_relay.past.address import write_minute
+from posecast_relay.past.segment import DAY_MS, PAGE_MS, SHA256, U64
 from posecast_relay.recording.source import ListedSegment, PartAway, PastDamaged, PastUnreadable, SourceSpan
 
 AT_ONCE = 8  # requests
@@ -185,8 +187,6 @@ def _read_seconds(text: str, otherwise_s: float) -> float:
 
 PAGE_BYTES_MAX = 4 << 20  # of one answer; a relay sends the index of ten minutes in parts of 1 MiB
 PARTS_MAX = 1000  # that one index may have
-SHA256 = re.compile(r"[0-9a-f]{64}")
-TAKE = re.compile(r"[0-9a-f]{16}")
 NEXT, NEXT_WITHIN = b'"next"', 16  # in what a relay answers for a segment that is gone
 OCTETS = "application/octet-stream"
 
@@ -275,9 +275,7 @@ class HttpSource:
         return await self._ask_model(f"{model}/{quote(path)}", size, sha256)
 
     async def _list_page(self, page_ms: int) -> list[ListedSegment]:
-        page = (
-            f"{self._base}/past/{self.view}/{time.strftime('%Y-%m-%dT%H:%MZ', time.gmtime(page_ms // 1000))}"
-        )
+        page = f"{self._base}/past/{self.view}/{write_minute(page_ms)}"
         listed: list[ListedSegment] = []
         path = page
         for _ in range(PARTS_MAX):
@@ -336,7 +334,7 @@ def _read_entry(entry: object) -> ListedSegment:
     if not isinstance(entry, dict):
         raise ValueError
     take, sha256 = entry.get("take"), entry.get("sha256")
-    if not isinstance(take, str) or not TAKE.fullmatch(take):
+    if not isinstance(take, str) or not U64.fullmatch(take):
         raise ValueError
     if not isinstance(sha256, str) or not SHA256.fullmatch(sha256):
         raise ValueError

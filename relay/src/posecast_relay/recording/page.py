@@ -15,7 +15,7 @@ from posecast_wire.checked import SCRIPT_MARKS, loads
 from posecast_wire.recording import RECORDING_FILE, PastRecording, model_path
 
 from posecast_relay.logging import visible
-from posecast_relay.models.manifest import ManifestError, read_manifest
+from posecast_relay.models.manifest import ManifestError, read_manifest, read_thumbnail
 from posecast_relay.models.picture import PictureError, PictureSize, read_picture_size
 from posecast_relay.recording.output import PAGE_FILES, PAGE_FOLDERS, OutputError
 
@@ -170,7 +170,7 @@ def _find_picture(folder: Path, recording: PastRecording) -> tuple[str, PictureS
     for model in recording.models:
         try:
             manifest = (folder / model_path(model, "manifest.json")).read_bytes()
-            name = _read_thumbnail(manifest)
+            name = read_thumbnail(manifest)
             entry = read_manifest(manifest).get(name)
             if entry is None:
                 continue
@@ -179,9 +179,3 @@ def _find_picture(folder: Path, recording: PastRecording) -> tuple[str, PictureS
         except (OSError, ManifestError, PictureError):
             continue
     return None
-
-
-def _read_thumbnail(manifest: bytes) -> str:
-    doc = loads(manifest)
-    name = doc.get("thumbnail") if isinstance(doc, dict) else None
-    return name if isinstance(name, str) else ""

@@ -9,23 +9,14 @@ from posecast_wire.schema import TEXT_BYTES_MAX as SCHEMA_BYTES_MAX
 from posecast_wire.segment.envelope import ENVELOPE_BYTES_MAX
 
 from posecast_relay.archive.deletion import get_tombstone, list_tombstones
+from posecast_relay.archive.index import list_days, list_pages
 from posecast_relay.archive.models import MANIFEST, make_model_key
-from posecast_relay.archive.names import (
-    DAY_MS,
-    PAGE_MS,
-    ArchivedName,
-    make_day_folder,
-    make_page_folder,
-    make_schema_key,
-    make_view_folder,
-    read_day,
-    read_page,
-    read_segment_key,
-)
+from posecast_relay.archive.names import ArchivedName, make_page_folder, make_schema_key, read_segment_key
 from posecast_relay.archive.store import ObjectStore
 from posecast_relay.core.policy import Audience
 from posecast_relay.models.manifest import BYTES_MAX as MANIFEST_BYTES_MAX
 from posecast_relay.past.deletions import Deletion
+from posecast_relay.past.segment import DAY_MS, PAGE_MS
 from posecast_relay.recording.source import ListedSegment, SourceSpan
 
 
@@ -49,7 +40,7 @@ class StoreSource:
 
     async def find_span(self) -> SourceSpan | None:
         """Return from when to when there is something, by the first and the last day."""
-        days = await self._list_days()
+        days = await list_days(self._store, self.robot, self.view)
         ends: list[ArchivedName] = []
         for order in (days, days[::-1]):
             for day_ms in order:
@@ -63,7 +54,7 @@ class StoreSource:
 
     async def list_segments(self, from_ms: int, to_ms: int) -> list[ListedSegment]:
         """List what begins in a span, by the names of objects."""
-        days = set(await self._list_days())
+        days = set(await list_days(self._store, self.robot, self.view))
         listed: list[ListedSegment] = []
         for day_ms in range(from_ms - from_ms % DAY_MS, to_ms, DAY_MS):
             if day_ms not in days:
@@ -94,22 +85,15 @@ class StoreSource:
         data = await self._read(make_model_key(self.robot, model, path), size)
         return None if data is None or _hash(data) != sha256 else data
 
-    async def _list_days(self) -> list[int]:
-        """The beginnings of the days (UTC), unix ms, of which there may be something."""
-        folders = await self._store.list_folders(make_view_folder(self.robot, self.view))
-        return [day_ms for day_ms in map(read_day, folders) if day_ms is not None]
-
     async def _list_names(self, from_ms: int, to_ms: int) -> AsyncIterator[ArchivedName]:
         """What begins within a span of one day and is for the audience."""
         if self._deletions is None:
             self._deletions = await self._load_deletions()
         day_ms = from_ms - from_ms % DAY_MS
-        for folder in await self._store.list_folders(make_day_folder(self.robot, self.view, day_ms)):
-            begins_ms = read_page(folder)
-            if begins_ms is None or not from_ms - PAGE_MS < day_ms + begins_ms < to_ms:
+        for page_ms in await list_pages(self._store, self.robot, self.view, day_ms):
+            if not from_ms - PAGE_MS < page_ms < to_ms:
                 continue
-            page = make_page_folder(self.robot, self.view, day_ms + begins_ms)
-            async for part in self._store.list_objects(page):
+            async for part in self._store.list_objects(make_page_folder(self.robot, self.view, page_ms)):
                 for each in map(read_segment_key, (found.key for found in part)):
                     if each is not None and from_ms <= each.from_ms < to_ms and self._may_show(each):
                         yield each

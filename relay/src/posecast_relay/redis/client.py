@@ -201,6 +201,29 @@ class RedisClient:
         return (str(node.host), int(node.port)), redis.Redis(connection_pool=pool)
 
 
+class RedisUser:
+    """Something that works with Redis, through a connection of its own."""
+
+    def __init__(self, url: str) -> None:
+        self.link = RedisClient(url)
+        self.losses = 0  # how often Redis was lost
+        self._trouble: str | None = "redis: not connected yet"
+
+    def find_trouble(self) -> str | None:
+        """Return the problem with Redis; None if it works."""
+        return self._trouble
+
+    def get_exchanges(self) -> tuple[Histogram, int]:
+        """Return how long exchanges with Redis took, and how often it was lost."""
+        return self.link.seconds, self.losses
+
+    def note_failure(self, error: BaseException) -> str | None:
+        """Note that Redis is lost. Return the reason if it should be logged: see OutageLog."""
+        self.losses += self._trouble is None
+        self._trouble = f"redis: {type(error).__name__}"  # /readyz is public: no addresses
+        return self.link.note_failure(error)
+
+
 def _check_results(results: list[Any]) -> list[Any]:
     """Return the results, unless one is an error of Redis as a whole: then raise it."""
     errors = [result for result in results if isinstance(result, BaseException)]
@@ -218,11 +241,6 @@ async def cancel_tasks(*tasks: asyncio.Task[None] | None) -> None:
         task.cancel()
     if going:
         await asyncio.wait(going, timeout=2 * TIMEOUT_S)
-
-
-def name_error(error: BaseException) -> str:
-    """Return an error's name for public answers, without addresses."""
-    return f"redis: {type(error).__name__}"
 
 
 # Estimates Redis's clock, so that processes can tell how long ago another one wrote something.

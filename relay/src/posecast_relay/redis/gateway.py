@@ -19,14 +19,13 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.policy import PUBLIC
 from posecast_relay.core.replica import Presence, ReplicaFeed, StreamState
 from posecast_relay.core.stream import FrameOutcome, Stream
-from posecast_relay.kit import Histogram
 from posecast_relay.redis.client import (
     REDIS_ERRORS,
     STATUS_MS,
     RedisClient,
+    RedisUser,
     cancel_tasks,
     channel,
-    name_error,
     state_key,
     status_key,
 )
@@ -52,7 +51,7 @@ class _Watched:
         self.opened = asyncio.Event()  # it is subscribed, and its state was read
 
 
-class RedisGateway:
+class RedisGateway(RedisUser):
     """A gateway's StateStore, which keeps nothing, and its RobotSource, which feeds the hub from Redis."""
 
     _dispatcher: Dispatcher  # from `start` on
@@ -61,10 +60,9 @@ class RedisGateway:
         self, url: str, hub: Hub, now: Callable[[], float], pinned: Callable[[], Iterable[str]] = tuple
     ) -> None:
         """`pinned` returns the robots that are subscribed to even without viewers."""
-        self.link = RedisClient(url)
+        super().__init__(url)
         self.directory = RedisDirectory(self.link, now)
         self.failures = 0
-        self.losses = 0  # how often Redis was lost
         self._now = now
         self._pinned = pinned
         self._replica = ReplicaFeed(hub)
@@ -76,7 +74,6 @@ class RedisGateway:
         self._unread: dict[str, None] = {}  # robots to read
         self._asked = asyncio.Event()
         self._reader: asyncio.Task[None] | None = None
-        self._trouble: str | None = "redis: not connected yet"
         self._failure: BaseException | None = None
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -85,14 +82,6 @@ class RedisGateway:
 
     def keep(self, stream: Stream) -> None:
         """Do nothing: Redis already has the state."""
-
-    def find_trouble(self) -> str | None:
-        """Return the problem with Redis; None if it works."""
-        return self._trouble
-
-    def get_exchanges(self) -> tuple[Histogram, int] | None:
-        """Return how long exchanges with Redis took, and how often it was lost."""
-        return self.link.seconds, self.losses
 
     def list_robots(self) -> list[dict[str, Any]] | None:
         """Return the robots of the directory, as documents."""
@@ -149,12 +138,10 @@ class RedisGateway:
         self._dispatcher.carry_out(self._replica.mark_connected(self._now()))
 
     async def _handle_failure(self, error: BaseException) -> None:
-        if why := self.link.note_failure(error):
+        if why := self.note_failure(error):
             log.warning("redis: %s; viewers see STALE; retrying", why)
         self.failures += 1
-        self.losses += self._trouble is None
         self._failure = None
-        self._trouble = name_error(error)  # /readyz is public: no addresses
         self._dispatcher.carry_out(self._replica.mark_disconnected(self._now()))
         await cancel_tasks(self._reader)
         subscriber, self._subscriber = (

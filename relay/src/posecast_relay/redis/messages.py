@@ -19,6 +19,7 @@ from posecast_wire.checked import loads
 from posecast_relay.core.replica import Presence, StreamState, StreamUpdate
 from posecast_relay.core.robot import Robot
 from posecast_relay.core.stream import StoredFrame, Stream
+from posecast_relay.past.segment import SHA256, WHOLE_MAX
 
 UPDATE, STANDING = b"U", b"S"
 HEADER_END = b"\n"
@@ -32,10 +33,8 @@ NAME_MAX = 64  # characters of a version or numbering
 SCHEMA_BYTES_MAX = 1 << 18
 INFO_BYTES_MAX = 1 << 17
 FRAME_BYTES_MAX = 1 << 16
-WHOLE_MAX = (1 << 53) - 1
 SECONDS_MAX = 1e10  # three centuries; also a clock's
 HEX = re.compile("[0-9a-f]{1,16}")
-SHA256 = re.compile("[0-9a-f]{64}")
 
 
 def pack(message: StreamUpdate | Presence) -> bytes:

@@ -1,6 +1,6 @@
 """Tells every process that shares a Redis what was deleted of the past, and hears it from them.
 
-    posecast:{-}:past-deleted   stream: a deletion each, as `past/deletion_record.py` packs it
+    posecast:{-}:past-deleted   stream: a deletion each, as `past/deletions.py` packs it
 
 Whoever hears of a deletion elsewhere (from the command, from an object store) writes it there; each process
 reads there once a second. While Redis is away it is tried again; the connection of the past itself logs that.
@@ -13,8 +13,7 @@ import contextlib
 import logging
 from collections import OrderedDict
 
-from posecast_relay.past.deletion_record import pack_deletion, unpack_deletion
-from posecast_relay.past.deletions import KNOWN_MAX, Deletion, Deletions
+from posecast_relay.past.deletions import KNOWN_MAX, Deletion, Deletions, pack_deletion, unpack_deletion
 from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks
 
 log = logging.getLogger("posecast_relay")

@@ -16,12 +16,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
-from posecast_relay.kit import Histogram
+from posecast_relay.kit import NEVER, ExpiringCache, RecentDict
 from posecast_relay.past.deletions import Deletion, Deletions
-from posecast_relay.past.memory import MemoryPast
-from posecast_relay.past.segment import KeptSegment, SegmentName, TakeSpan, unpack_record
+from posecast_relay.past.memory import MemoryPast, PastByView
+from posecast_relay.past.segment import KeptSegment, SegmentName, unpack_record
 from posecast_relay.past.source import ListWaiting, PastAway, RecentOnly, Wake
-from posecast_relay.redis.client import REDIS_ERRORS, RedisClient, cancel_tasks, name_error
+from posecast_relay.redis.client import REDIS_ERRORS, RedisUser, cancel_tasks
 from posecast_relay.redis.past_scripts import LOOK, schema_key, segment_key, stream_key
 from posecast_relay.runtime.tasks import SharedTasks
 
@@ -46,7 +46,7 @@ AWAY = "the past can't be read right now: retry"
 TOO_MUCH = "the past of this robot is larger than --past-memory of this process"
 
 
-class RedisPast(RecentOnly):
+class RedisPast(RedisUser, PastByView, RecentOnly):
     """A PastSource for Redis, and its own KeptPast. `now`: the core's clock in seconds; `bytes_max`: the
     limit for its records, not counting segments' bytes.
     """
@@ -54,21 +54,18 @@ class RedisPast(RecentOnly):
     def __init__(
         self, url: str, bytes_max: int, now: Callable[[], float], deletions: Deletions | None = None
     ) -> None:
-        self.link = RedisClient(url)
-        self.losses = 0  # how often the connection to Redis was lost
+        super().__init__(url)
         self.passed_over = 0  # damaged or unsupported records and segments
         self._bytes_max = bytes_max
         self._now = now
         self._views: OrderedDict[tuple[str, str], PastReplica] = OrderedDict()  # most recently requested last
-        self._data: OrderedDict[SegmentName, bytes] = OrderedDict()  # most recently requested last
-        self._data_bytes = 0
-        self._schemas: OrderedDict[tuple[str, bytes], str] = OrderedDict()  # by robot
+        self._data: ExpiringCache[bytes] = ExpiringCache(DATA_BYTES)  # by SegmentName
+        self._schemas: RecentDict[tuple[str, bytes], str] = RecentDict(SCHEMAS_MAX)  # by robot
         self._reported: set[str] = set()  # robots that had something skipped
         self._asked = SharedTasks("the past")
         self._turns = asyncio.Semaphore(AT_ONCE)
         self._list_waiting: ListWaiting = tuple
         self._wake: Wake = lambda _robot, _view: None
-        self._trouble: str | None = "redis: not connected yet"
         self._lost = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._deletions = deletions or Deletions()
@@ -86,29 +83,8 @@ class RedisPast(RecentOnly):
         """Whether it may hold data recorded before this process started."""
         return True
 
-    def find(self, name: SegmentName) -> KeptSegment | None:
-        """Return the segment with this name; None if it is unknown."""
-        return self._get(name.robot, name.view).find(name)
-
-    def find_oldest(self, robot: str, view: str) -> KeptSegment | None:
-        """Return the oldest known segment of a view, by when it was added."""
-        return self._get(robot, view).find_oldest(robot, view)
-
-    def list_segments(
-        self, robot: str, view: str, from_ms: int = 0, to_ms: int | None = None
-    ) -> list[KeptSegment]:
-        """Return the segments that begin between `from_ms` and `to_ms` (exclusive), unix ms; None: no end."""
-        return self._get(robot, view).list_segments(robot, view, from_ms, to_ms)
-
-    def list_takes(self, robot: str, view: str) -> list[TakeSpan]:
-        """Return the takes that have segments here, in the order in which they began."""
-        return self._get(robot, view).list_takes(robot, view)
-
-    def list_after(self, name: SegmentName) -> list[KeptSegment]:
-        """Return the segments of the same view that were added after this one."""
-        return self._get(name.robot, name.view).list_after(name)
-
-    def _get(self, robot: str, view: str) -> MemoryPast:
+    def get_view(self, robot: str, view: str) -> MemoryPast:
+        """Return what is known of a view."""
         replica = self._views.get((robot, view))
         return MemoryPast(0) if replica is None else replica.kept
 
@@ -137,7 +113,7 @@ class RedisPast(RecentOnly):
         """Return these segments with their bytes, except those that are gone or damaged. Raises PastAway."""
         self._check()
         names = [segment.name for segment in segments]
-        found = {name: self._data[name] for name in names if name in self._data}
+        found = {name: data for name in names if (data := self._data.find(name, 0.0)) is not None}
         lacking = tuple(name for name in names if name not in found)
         if lacking:
             found |= await self._share(lacking, partial(self._read_data, lacking))
@@ -147,7 +123,7 @@ class RedisPast(RecentOnly):
             if self._deletions.cover_segment(segment):
                 continue
             if data is not None and hashlib.sha256(data).digest() == segment.sha256:
-                self._keep_data(segment.name, data)
+                self._data.put(segment.name, data, len(data), NEVER)
                 whole.append(replace(segment, data=data, elsewhere_bytes=0))
                 continue
             if data is not None:
@@ -159,29 +135,16 @@ class RedisPast(RecentOnly):
 
     async def load_schema(self, robot: str, view: str, sha256: bytes) -> str | None:  # noqa: ARG002
         """Return the text of a schema that a segment names; None if it is gone. Raises PastAway."""
-        schema = sha256
         self._check()
-        known = self._schemas.get((robot, schema))
-        if known is not None:
-            return known
-        data = await self._share((robot, schema), partial(self._read_schema, robot, schema))
-        if data is None or hashlib.sha256(data).digest() != schema:
-            if data is not None:
-                self._pass_over(robot, "a schema that is damaged")
-            return None
-        text: str = data.decode()  # its hash proves that it is text
-        self._schemas[robot, schema] = text
-        if len(self._schemas) > SCHEMAS_MAX:
-            self._schemas.popitem(last=False)
-        return text
-
-    def find_trouble(self) -> str | None:
-        """Return the problem with Redis; None if all is well."""
-        return self._trouble
-
-    def get_exchanges(self) -> tuple[Histogram, int]:
-        """Return how long exchanges with Redis took, and how often it was lost."""
-        return self.link.seconds, self.losses
+        key = robot, sha256
+        if key not in self._schemas:
+            data = await self._share(key, partial(self._read_schema, robot, sha256))
+            if data is None or hashlib.sha256(data).digest() != sha256:
+                if data is not None:
+                    self._pass_over(robot, "a schema that is damaged")
+                return None
+            self._schemas[key] = data.decode()  # its hash proves that it is text
+        return self._schemas[key]
 
     def start(self) -> None:
         """Start to connect and to poll. Redis need not be up yet."""
@@ -224,10 +187,8 @@ class RedisPast(RecentOnly):
         self._trouble = None
 
     def _lose(self, error: Exception) -> None:
-        if why := self.link.note_failure(error):
+        if why := self.note_failure(error):
             log.warning("the past: redis: %s; requests for the past fail, live data continues", why)
-        self.losses += self._trouble is None
-        self._trouble = name_error(error)  # /readyz is public: no addresses
         self._lost.set()
 
     async def _look_again(self, robot: str, view: str) -> None:
@@ -307,8 +268,7 @@ class RedisPast(RecentOnly):
         """Drop a robot's data because part of it is being deleted. The rest will be read again."""
         for key in [key for key in self._views if key[0] == deletion.robot]:
             del self._views[key]
-        for name in [name for name in self._data if name.robot == deletion.robot]:
-            self._data_bytes -= len(self._data.pop(name))
+        self._data.forget(lambda name: isinstance(name, SegmentName) and name.robot == deletion.robot)
         for schema in [schema for schema in self._schemas if schema[0] == deletion.robot]:
             del self._schemas[schema]
 
@@ -334,14 +294,6 @@ class RedisPast(RecentOnly):
         if robot not in self._reported:
             self._reported.add(robot)
             log.warning("the past in redis: %s: skipped: %.200s", robot, why)
-
-    def _keep_data(self, name: SegmentName, data: bytes) -> None:
-        if name not in self._data:
-            self._data_bytes += len(data)
-        self._data[name] = data
-        self._data.move_to_end(name)
-        while self._data_bytes > DATA_BYTES:
-            self._data_bytes -= len(self._data.popitem(last=False)[1])
 
     def _make_room(self) -> None:
         """Drop the least recently requested views."""

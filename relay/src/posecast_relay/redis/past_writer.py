@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 from redis.exceptions import OutOfMemoryError
 
-from posecast_relay.kit import Histogram, write_count
+from posecast_relay.kit import RecentDict, write_count
 from posecast_relay.past.deletions import Deletion, Deletions
 from posecast_relay.past.segment import OBJECT_BYTES, KeptSegment, SegmentName, pack_record, unpack_record
-from posecast_relay.redis.client import Call, RedisClient, cancel_tasks
+from posecast_relay.redis.client import Call, RedisClient, RedisUser, cancel_tasks
 from posecast_relay.redis.past_scripts import (
     DELETE,
     ENTER,
@@ -69,12 +69,11 @@ class _Written(NamedTuple):
         return make_write_call(self.entry, self.record, self.segment.data, text, expiry_ms)
 
 
-class RedisPastWriter:
+class RedisPastWriter(RedisUser):
     """Writes the segments that it gets to Redis, limited to `bytes_max` for all processes together."""
 
     def __init__(self, url: str, bytes_max: int, deletions: Deletions | None = None) -> None:
-        self.link = RedisClient(url)
-        self.losses = 0  # how often the connection to Redis was lost
+        super().__init__(url)
         self.written = 0  # segments written
         self.dropped = 0  # segments that were lost
         self.passed_over = 0  # invalid lines of the ledger
@@ -88,11 +87,10 @@ class RedisPastWriter:
         self._deletions = deletions or Deletions()
         self._deleting: dict[str, Deletion] = {}  # deletions to execute there, by id
         self._deletions.on_added(self._delete)
-        self._schemas: dict[tuple[str, bytes], None] = {}  # by robot, those already written
+        self._schemas: RecentDict[tuple[str, bytes], None] = RecentDict(SCHEMAS_MAX)  # by robot: written
         self._tries = 0
         self._full_at: float | None = None  # when Redis last refused a segment; None: it has room
         self._dropped_before = 0  # the value of `dropped` when Redis last accepted something
-        self._trouble: str | None = "not connected yet"
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
 
@@ -126,14 +124,6 @@ class RedisPastWriter:
             self._waiting[deletion.robot].remove(segment)
             self._take(deletion.robot, segment)
         self._wake.set()
-
-    def find_trouble(self) -> str | None:
-        """Return the problem with Redis; None if all is well."""
-        return self._trouble
-
-    def get_exchanges(self) -> tuple[Histogram, int]:
-        """Return how long exchanges with Redis took, and how often it was lost."""
-        return self.link.seconds, self.losses
 
     def start(self) -> None:
         """Start the writing task. Redis need not be up yet."""
@@ -194,14 +184,12 @@ class RedisPastWriter:
             self._dropped_before = self.dropped
 
     async def _handle_failure(self, error: Exception) -> None:
-        if why := self.link.note_failure(error):
+        if why := self.note_failure(error):
             log.warning(
                 "the past: redis: %s; queueing up to %d MB, live data continues",
                 why,
                 QUEUE_BYTES >> 20,
             )
-        self.losses += self._trouble is None
-        self._trouble = type(error).__name__
         await self.link.reset()
 
     # ---- the queue -----------------------------------------------------------
@@ -283,8 +271,6 @@ class RedisPastWriter:
         for each in made:
             if each.segment.schema is not None:
                 self._schemas[each.segment.name.robot, each.segment.schema] = None
-        while len(self._schemas) > SCHEMAS_MAX:
-            del self._schemas[next(iter(self._schemas))]
 
     def _make(self, segment: KeptSegment) -> _Written | None:
         """Return what to write for a segment; None if our own code fails on it, which loses only that
@@ -324,7 +310,7 @@ class RedisPastWriter:
                 break
             entries = self._read_entries((robot.encode(), line) for line in lines)
             await self.link.run_all([make_delete_call(entry) for entry in entries])
-        self._schemas = {known: None for known in self._schemas if known[0] != robot}
+        self._forget_schemas(robot)
         del self._gone[robot]
 
     async def _delete_all(self) -> None:
@@ -332,8 +318,12 @@ class RedisPastWriter:
         while self._deleting:
             deletion = next(iter(self._deleting.values()))
             await delete_span(self.link, deletion)
-            self._schemas = {known: None for known in self._schemas if known[0] != deletion.robot}
+            self._forget_schemas(deletion.robot)
             self._deleting.pop(deletion.id, None)
+
+    def _forget_schemas(self, robot: str) -> None:
+        for known in [known for known in self._schemas if known[0] == robot]:
+            del self._schemas[known]
 
     def _read_entries(self, lines: Iterable[tuple[bytes, bytes]]) -> list[LedgerEntry]:
         entries: list[LedgerEntry] = []

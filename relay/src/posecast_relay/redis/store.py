@@ -19,15 +19,13 @@ from posecast_relay.core.hub import Hub
 from posecast_relay.core.replica import Presence
 from posecast_relay.core.robot import RETURN_AFTER_S, Robot
 from posecast_relay.core.stream import FrameOutcome, Stream
-from posecast_relay.kit import Histogram
 from posecast_relay.redis.client import (
     REDIS_ERRORS,
     Call,
-    RedisClient,
+    RedisUser,
     cancel_tasks,
     channel,
     generation_key,
-    name_error,
     state_key,
     status_key,
     writer_key,
@@ -126,13 +124,12 @@ class _Turn(NamedTuple):
     generation: int
 
 
-class RedisStore:
+class RedisStore(RedisUser):
     """Writes all streams to Redis. `describe` returns a robot's document for the directory."""
 
     def __init__(self, url: str, hub: Hub, now: Callable[[], float], describe: Describe) -> None:
         self.failures = 0
-        self.losses = 0  # how often Redis was lost
-        self.link = RedisClient(url)
+        super().__init__(url)
         self.directory = RedisDirectory(self.link, now)
         self._hub = hub
         self._now = now
@@ -148,21 +145,12 @@ class RedisStore:
         self._counts = count(1)
         self._wake = asyncio.Event()
         self._beat_at = 0.0
-        self._trouble: str | None = "redis: not connected yet"
         self._task: asyncio.Task[None] | None = None
 
     def keep(self, stream: Stream) -> None:
         """Queue a stream for writing. Returns at once."""
         self._dirty[stream] = None
         self._wake.set()
-
-    def find_trouble(self) -> str | None:
-        """Return the problem with Redis; None if it works."""
-        return self._trouble
-
-    def get_exchanges(self) -> tuple[Histogram, int] | None:
-        """Return how long exchanges with Redis took, and how often it was lost."""
-        return self.link.seconds, self.losses
 
     def list_robots(self) -> list[dict[str, Any]] | None:
         """Return None: this process hears the robots itself."""
@@ -224,11 +212,9 @@ class RedisStore:
         self._trouble = None
 
     async def _handle_failure(self, error: BaseException) -> None:
-        if why := self.link.note_failure(error):
+        if why := self.note_failure(error):
             log.warning("redis: %s; viewers here are not affected; retrying", why)
         self.failures += 1
-        self.losses += self._trouble is None
-        self._trouble = name_error(error)  # /readyz is public: no addresses
         await self.link.reset()
 
     def _handle_fault(self, robot: str, error: Exception) -> None:

@@ -179,18 +179,19 @@ class ArchiveServices:
         return trouble or self.trouble.find_trouble()
 
     def measure(self) -> ArchiveFigures:
-        """Return its current state. Callable from any thread."""
+        """Return its current state. Only where it is written; callable from any thread."""
         writer, indexer = self.writer, self.indexer
-        space = None if indexer is None else indexer.space.space
+        assert writer is not None
+        assert indexer is not None
+        space = indexer.space.space
         return ArchiveFigures(
             trouble=self._find_store_trouble(),
-            written=0 if writer is None else writer.written,
-            dropped=0 if writer is None else writer.dropped,
-            expired=0 if indexer is None else indexer.expired,
-            failures=(0 if writer is None else writer.failures)
-            + (0 if indexer is None else indexer.failures),
-            waiting_bytes=0 if writer is None else writer.waiting_bytes,
-            stored_bytes=0 if indexer is None else indexer.stored_bytes,
+            written=writer.written,
+            dropped=writer.dropped,
+            expired=indexer.expired,
+            failures=writer.failures + indexer.failures,
+            waiting_bytes=writer.waiting_bytes,
+            stored_bytes=indexer.stored_bytes,
             free_bytes=None if space is None else space.free,
             disk_bytes=None if space is None else space.total,
         )
