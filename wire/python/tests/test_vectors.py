@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,17 +16,8 @@ from posecast_wire import (
     compute_joint_values,
 )
 
-from wire.python.tools import (
-    make_balance_vectors,
-    make_key_page_vectors,
-    make_recording_vectors,
-    make_schema_vectors,
-    make_segment_vectors,
-    make_vectors,
-)
+from wire.python.tools.__main__ import FOLDER, make_files
 
-ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / "vectors"
 EXPORTED = ("exports.json", "link_poses.json")  # what the relay and the page make of it, see relay/tests
 FRAMES = ("valid.json", "invalid.json", "lossy.json", "alternating.json")
 
@@ -46,18 +36,10 @@ def cases() -> list[Any]:
 
 
 def test_committed_vectors_are_what_the_script_makes() -> None:
-    makers = (
-        make_vectors,
-        make_schema_vectors,
-        make_segment_vectors,
-        make_key_page_vectors,
-        make_recording_vectors,
-        make_balance_vectors,
-    )
-    files = {name: text for maker in makers for name, text in maker.files().items()}
+    files = make_files()
     assert sorted(p.name for p in FOLDER.iterdir() if p.is_file()) == sorted({*files, *EXPORTED})
     for name, text in files.items():
-        assert (FOLDER / name).read_text(encoding="utf-8") == text, f"run the scripts in tools/: {name}"
+        assert (FOLDER / name).read_text(encoding="utf-8") == text, f"run python -m wire.python.tools: {name}"
 
 
 def test_vectors_are_small() -> None:

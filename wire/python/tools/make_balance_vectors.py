@@ -1,8 +1,6 @@
 """Makes `wire/vectors/balance.json`: models, what robots report, and their balance then, as the page must
 find it (docs/explanation/balance.md).
 
-    python -m wire.python.tools.make_balance_vectors
-
 The expected values come from elsewhere than the formulas that are tested. Each foot is pushed at points that
 are chosen here, so the centre of pressure is the mean of these points and the wrench is their sum at the
 sensor. Which feet bear, and why something is null, is written down by hand in each case. The convex hull
@@ -16,15 +14,12 @@ import math
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wire.python.tools.balance_course import SENSORS, SOLE, WEIGHT_N, Case, Course, Frame, Push, make_model
 from wire.python.tools.balance_geometry import Document
-
-FOLDER = Path(__file__).resolve().parents[2] / "vectors"
 
 
 class Luck:
@@ -392,8 +387,3 @@ def files() -> dict[str, str]:
         parts.append(f'{json.dumps(head)[:-1]}, "frames": [\n{lines}\n]}}')
     shown = json.dumps(model, separators=(",", ":"))
     return {"balance.json": f'{{"model": {shown},\n"cases": [\n' + ",\n".join(parts) + "\n]}\n"}
-
-
-if __name__ == "__main__":
-    for name, text in files().items():
-        (FOLDER / name).write_text(text, encoding="utf-8")

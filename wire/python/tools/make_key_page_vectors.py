@@ -4,31 +4,28 @@ and what a writer makes of segments."""
 from __future__ import annotations
 
 import dataclasses
-import json
 import struct
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from posecast_wire.key_page import MAGIC, KeyPage, decode_key_page, encode_key_page
 from posecast_wire.segment import SegmentError
 
-from wire.python.tools.hand_made import reserved_frame
-from wire.python.tools.hand_made_segment import (
+from wire.python.tools.hand_made import (
     FROM_MS,
     Part,
     frame_record,
     header,
     joined,
     record,
+    reserved_frame,
     segment,
     text,
     varint,
 )
 from wire.python.tools.make_segment_vectors import frames_of, show_parts
-from wire.python.tools.vector_script import ARM, ONE
+from wire.python.tools.vector_script import ARM, COMPACT, ONE, write_document, write_lists
 
-FOLDER = Path(__file__).resolve().parents[2] / "vectors"
 SCHEMA, MODEL = bytes.fromhex("5c" * 32), bytes.fromhex("ab" * 32)
 
 
@@ -242,16 +239,4 @@ def files() -> dict[str, str]:
             data = b"".join(bytes.fromhex(part) for part in case["bytes"])
             assert written_again(decode_key_page(data)) == data, case["name"]
     lists = {"good": taken, "bad": bad(), "picks": picks()}
-    parts = [
-        f"{json.dumps(name)}: [\n"
-        + ",\n".join(json.dumps(one, separators=(",", ":")) for one in cases)
-        + "\n]"
-        for name, cases in lists.items()
-    ]
-    return {"key_pages.json": "{\n" + ",\n".join(parts) + "\n}\n"}
-
-
-if __name__ == "__main__":
-    for name, content in files().items():
-        (FOLDER / name).write_text(content, encoding="utf-8")
-        print(f"{name}: {len(content.encode())} bytes")
+    return {"key_pages.json": write_document(write_lists(lists, separators=COMPACT))}

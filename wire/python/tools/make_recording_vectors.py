@@ -4,7 +4,6 @@ reader refuses."""
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 from posecast_wire.recording import (
@@ -20,7 +19,8 @@ from posecast_wire.recording import (
 from posecast_wire.segment import SegmentError
 from posecast_wire.segment.envelope import ENVELOPE_BYTES_MAX
 
-FOLDER = Path(__file__).resolve().parents[2] / "vectors"
+from wire.python.tools.vector_script import COMPACT, write_document, write_lists
+
 FROM_MS = 1_795_357_260_112
 SCHEMA, OTHER, MODEL = "5c" * 32, "7d" * 32, "ab" * 32
 TAKE, LATER, RUN = "00f0a1b2c3d4e5f6", "f" * 16, "8f14e45fceea167a"
@@ -299,16 +299,5 @@ def files() -> dict[str, str]:
         if "encode" in case:
             data = case["text"].encode()
             assert encode_recording(decode_recording(data)) == data, case["name"]
-    parts = [
-        f"{json.dumps(name)}: [\n"
-        + ",\n".join(json.dumps(one, separators=(",", ":")) for one in cases)
-        + "\n]"
-        for name, cases in {"good": taken, "bad": bad(), "packed": packed()}.items()
-    ]
-    return {"recordings.json": "{\n" + ",\n".join(parts) + "\n}\n"}
-
-
-if __name__ == "__main__":
-    for name, content in files().items():
-        (FOLDER / name).write_text(content, encoding="utf-8")
-        print(f"{name}: {len(content.encode())} bytes")
+    lists = {"good": taken, "bad": bad(), "packed": packed()}
+    return {"recordings.json": write_document(write_lists(lists, separators=COMPACT))}

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 from posecast_wire import MISSING, Schema, SchemaError, build_schema_text, compute_joint_values
 
-FOLDER = Path(__file__).resolve().parents[2] / "vectors"
+from wire.python.tools.vector_script import write_document, write_lists
 
 
 def schemas() -> dict[str, Any]:
@@ -203,15 +202,6 @@ def _read(text: str) -> list[dict[str, object]]:
 def files() -> dict[str, str]:
     """The file's name and text: one schema a line."""
     made = schemas()
-    lists = {
-        k: ",\n".join(json.dumps(one, ensure_ascii=False) for one in made.pop(k)) for k in ("bad", "good")
-    }
-    parts = [f"{json.dumps(k)}: [\n{lines}\n]" for k, lines in lists.items()]
+    parts = write_lists({name: made.pop(name) for name in ("bad", "good")}, ensure_ascii=False)
     parts += [f"{json.dumps(k)}: {json.dumps(v, ensure_ascii=False)}" for k, v in made.items()]
-    return {"schemas.json": "{\n" + ",\n".join(parts) + "\n}\n"}
-
-
-if __name__ == "__main__":
-    for name, content in files().items():
-        (FOLDER / name).write_text(content, encoding="utf-8")
-        print(f"{name}: {len(content.encode())} bytes")
+    return {"schemas.json": write_document(parts)}

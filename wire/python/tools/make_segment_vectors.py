@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import struct
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from posecast_wire import Encoder, Schema
@@ -23,21 +21,20 @@ from posecast_wire.segment import (
     encode_segment,
 )
 
-from wire.python.tools.hand_made import reserved_frame
-from wire.python.tools.hand_made_segment import (
+from wire.python.tools.hand_made import (
     Part,
     digest,
     frame_record,
     header,
     joined,
     record,
+    reserved_frame,
     segment,
     text,
     varint,
 )
-from wire.python.tools.vector_script import ARM, ONE, Dice
+from wire.python.tools.vector_script import ARM, COMPACT, ONE, Dice, write_document, write_lists
 
-FOLDER = Path(__file__).resolve().parents[2] / "vectors"
 KINDS = {
     FrameRecord: "frame",
     CopyRecord: "copy",
@@ -286,16 +283,4 @@ def files() -> dict[str, str]:
             data = b"".join(bytes.fromhex(part) for part in case["bytes"])
             assert encode_segment(decode_segment(data)) == data, case["name"]
     lists = {"good": taken, "bad": bad()}
-    parts = [
-        f"{json.dumps(name)}: [\n"
-        + ",\n".join(json.dumps(one, ensure_ascii=False, separators=(",", ":")) for one in cases)
-        + "\n]"
-        for name, cases in lists.items()
-    ]
-    return {"segments.json": "{\n" + ",\n".join(parts) + "\n}\n"}
-
-
-if __name__ == "__main__":
-    for name, content in files().items():
-        (FOLDER / name).write_text(content, encoding="utf-8")
-        print(f"{name}: {len(content.encode())} bytes")
+    return {"segments.json": write_document(write_lists(lists, ensure_ascii=False, separators=COMPACT))}

@@ -10,14 +10,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from pathlib import Path
 
 from posecast_wire import CODE_MAX, MISSING, frame_id
 
 from wire.python.tools.hand_made import key_frame, packed, plain_frame, reserved_frame
 from wire.python.tools.vector_script import CHAIN, ONE, SCHEMAS, Case, Dice, Script, Stream
-
-FOLDER = Path(__file__).resolve().parents[2] / "vectors"
 
 
 def moving(dice: Dice) -> list[Case]:
@@ -316,10 +313,3 @@ def files() -> dict[str, str]:
         "alternating.json": alternating(),
     }
     return {k: _written({"schemas": SCHEMAS, "cases": v}, 4) + "\n" for k, v in made.items()}
-
-
-if __name__ == "__main__":
-    FOLDER.mkdir(exist_ok=True)
-    for name, content in files().items():
-        (FOLDER / name).write_text(content, encoding="utf-8")
-        print(f"{name}: {len(content.encode())} bytes")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import random
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from posecast_wire import BadFrame, BaseUnknown, Decoder, Encoder, Schema, build_schema_text
 
@@ -38,6 +40,22 @@ WIDE = build_schema_text(
     [{"name": "a", "labels": "j"}, {"name": "b", "labels": "j", "rel": "a"}, {"name": "c", "labels": "j"}],
 )
 SCHEMAS = {"arm": ARM, "one": ONE, "chain": CHAIN, "wide": WIDE}
+
+
+def write_lists(lists: Mapping[str, Sequence[object]], **style: Any) -> list[str]:
+    """Members of a document that are lists: one entry a line. `style`: of `json.dumps`."""
+    return [
+        f"{json.dumps(name)}: [\n" + ",\n".join(json.dumps(one, **style) for one in entries) + "\n]"
+        for name, entries in lists.items()
+    ]
+
+
+def write_document(parts: Sequence[str]) -> str:
+    """A document of these members."""
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+COMPACT = (",", ":")  # separators
 
 
 class Dice:

@@ -66,7 +66,7 @@ function shownRecord(record: SegmentRecord): Shown {
   }
 }
 
-/** `wire/python/tools/segment_digest.py`. */
+/** `make_digest` in `wire/python/tests/test_segment_vectors.py`. */
 function digestOf({ start, toMs, records }: Segment, decoder: Decoder): string {
   const { robot, view, take, index, runId, fromMs, schema, model, word, missing, numbering, eventN } = start;
   const described = [schema, model, word, missing, numbering, eventN, [...start.info], start.openFaults];
