@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import BIN
+from tests.doc_blocks.block import read_blocks
 
-PAGE = (Path(__file__).resolve().parent.parent / "docs/how-to/operate/back-up.md").read_text(encoding="utf-8")
-FOLDER, BACKUP, SAVE, RESTORE, DELETE = re.findall(r"^ *```sh\n(.*?)^ *```", PAGE, re.DOTALL | re.MULTILINE)
+FOLDER, BACKUP, SAVE, RESTORE, DELETE = read_blocks("docs/how-to/operate/back-up.md", "sh")
 NAME = "1795357260112-1795357264123-8f14e45fceea167b-{index}-7-a.segment"  # a moment of the deletion's span
 KEPT = NAME.format(index=1).replace("17953", "17952")  # and one of the day before
 

@@ -13,6 +13,8 @@ from posecast_edge.profile.reader import ProfileError, parse_profile
 from posecast_edge.profile.schema import make_schema_text
 from posecast_wire.schema import Schema, Threshold
 
+from tests.doc_blocks.block import read_blocks
+
 pytestmark = pytest.mark.docs
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -64,7 +66,7 @@ def list_read(forces: Sequence[str], moments: Sequence[str]) -> list[list[str]]:
 
 
 def test_the_example_is_a_profile() -> None:
-    [example] = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    [example] = read_blocks("docs/how-to/robots/show-balance.md", "toml")
     text = WRENCHES.format(force="N", moment="N·m") + example
     mapping = Schema.parse(make_schema_text(parse_profile(text))).mapping
     assert (mapping.balance.feet, mapping.balance.ground) == (("RF", "LF"), "measured")

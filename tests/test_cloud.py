@@ -14,6 +14,8 @@ import yaml
 from posecast_relay.config.settings import FLAGS, parse
 from posecast_relay.server.http_server import END_S
 
+from tests.doc_blocks.block import read_blocks
+
 pytestmark = pytest.mark.docs
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -64,7 +66,7 @@ def test_the_relay_understands_what_it_is_told() -> None:
 
 
 def test_the_relay_understands_the_ingest_that_the_page_shows() -> None:
-    (block,) = re.findall(r"^```ini\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    (block,) = read_blocks("docs/how-to/install/cloud.md", "ini")
     told = dict(line.split("=", 1) for line in block.splitlines())
     assert told.keys() <= VARIABLES
     found = parse(["run"], told)

@@ -13,6 +13,7 @@ import yaml
 from posecast_relay.config.settings import FLAGS, SettingsError, parse
 
 from tests.conftest import BIN
+from tests.doc_blocks.block import read_blocks
 
 pytestmark = pytest.mark.docs
 
@@ -91,7 +92,7 @@ def test_the_relay_understands_what_it_is_told() -> None:
 
 
 def test_the_page_takes_a_config_file_where_the_proxy_has_the_page() -> None:
-    (text,) = (block for block in re.findall(r"```yaml\n(.*?)```", INSTALL, re.DOTALL) if "proxy:" in block)
+    (text,) = read_blocks("docs/how-to/install/containers.md", "yaml", "proxy:")
     (volume,) = yaml.safe_load(text)["services"]["proxy"]["volumes"]
     assert volume == "./config.json:/srv/config.json:ro"
     assert "root * {$PAGE:/srv}" in (ROOT / "infra/Caddyfile").read_text()

@@ -24,6 +24,7 @@ import pytest
 from posecast_testing import free_port, until
 
 from tests.conftest import Stack
+from tests.doc_blocks.block import read_blocks
 from tests.lane import Link
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -42,10 +43,9 @@ pytestmark = [
 
 def find_block(kind: str, words: str) -> str:
     """The single block on the hosting pages that contains these words."""
-    pages = (ROOT / "docs/how-to/scale" / name for name in ("host-the-page.md", "cache-for-a-crowd.md"))
-    blocks = (b for page in pages for b in re.findall(rf"```{kind}\n(.*?)```", page.read_text(), re.DOTALL))
-    (found,) = (b for b in blocks if words in b)
-    return str(found)
+    pages = (f"docs/how-to/scale/{name}.md" for name in ("host-the-page", "cache-for-a-crowd"))
+    (found,) = (text for page in pages for text in read_blocks(page, kind, words))
+    return found
 
 
 Answer = tuple[int, "Message[str, str]", bytes]

@@ -13,7 +13,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import textwrap
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,6 +25,7 @@ from posecast_relay.config.settings import parse as parse_relay_settings
 from posecast_testing import until
 
 from tests.conftest import BIN
+from tests.doc_blocks.block import read_blocks
 from tests.namespaces import Namespace
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -42,9 +42,7 @@ PLAIN = {
 
 def blocks(page: str, kind: str = "sh") -> list[str]:
     """Code of one kind on a page, in order, also in steps of a list."""
-    text = (PAGES / f"{page}.md").read_text(encoding="utf-8")
-    found = re.findall(rf"^( *)```{kind}\n(.*?)^\1```$", text, re.DOTALL | re.MULTILINE)
-    return [textwrap.dedent(block) for _, block in found]
+    return read_blocks(f"docs/how-to/install/{page}.md", kind)
 
 
 def sh(script: str, folder: Path) -> None:

@@ -24,6 +24,7 @@ import pytest
 from posecast_testing import until
 
 from tests.conftest import BIN, Stack
+from tests.doc_blocks.block import read_blocks
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "reference/protocol.md").read_text()
 ADDRESS = "127.0.0.1:8080"  # where the page says the demo is
@@ -38,9 +39,8 @@ LINES = 3  # of an example's output: it goes on
 
 def block(language: str, holding: str) -> str:
     """The single block in that language that contains this."""
-    found = [b for b in re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL) if holding in b]
-    assert len(found) == 1, f"{holding}: {len(found)} times in the page"
-    return str(found[0])
+    (found,) = read_blocks("docs/reference/protocol.md", language, holding)
+    return found
 
 
 def sample(holding: str) -> Any:

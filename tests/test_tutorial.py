@@ -18,6 +18,7 @@ from posecast_testing import Process, until
 
 from tests import test_install
 from tests.conftest import BIN
+from tests.doc_blocks.block import read_blocks
 from tests.test_install import PLAIN, UV
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs/tutorials/first-robot.md").read_text(encoding="utf-8")
@@ -27,7 +28,7 @@ wheels, alone = test_install.wheels, test_install.alone
 
 
 def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+    return read_blocks("docs/tutorials/first-robot.md", language)
 
 
 class Reader:

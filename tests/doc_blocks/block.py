@@ -41,6 +41,11 @@ def list_blocks(page: str, text: str) -> list[Block]:
     ]
 
 
+def read_blocks(page: str, language: str, words: str = "") -> list[str]:
+    """The texts of a page's blocks of a language that have these words. `page`: as in `read_pages`."""
+    return [b.text for b in read_pages().get(page, ()) if b.language == language and words in b.text]
+
+
 @cache
 def read_pages() -> dict[str, list[Block]]:
     """The blocks of every page in the repository that has some."""
