@@ -27,12 +27,9 @@ FAMILIES = (
     "fuzz.targets.wire",
     "fuzz.targets.relay",
     "fuzz.targets.export",
-    "fuzz.targets.convert",
     "fuzz.targets.archive",
     "fuzz.targets.sources",
-    "fuzz.targets.mjcf",
     "fuzz.targets.models",
-    "fuzz.targets.xacro",
     "fuzz.targets.page",
 )
 # packages whose code leads

@@ -3,12 +3,27 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from fuzz.target import Differs, Refused
 
 EXACT = 1 << 53  # a double knows every whole number below
+
+
+def plain(value: object) -> Any:
+    """As the page has it: dataclasses with their members in camelCase."""
+    if is_dataclass(value):
+        return {_camel(each.name): plain(getattr(value, each.name)) for each in fields(value)}
+    if isinstance(value, Mapping):
+        return {name: plain(each) for name, each in value.items()}
+    return [plain(each) for each in value] if isinstance(value, (list, tuple)) else value
+
+
+def _camel(name: str) -> str:
+    return re.sub("_(.)", lambda found: found[1].upper(), name)
 
 
 def verdict(read: Callable[[], Any], refusals: tuple[type[Exception], ...]) -> tuple[Any, str | None]:

@@ -1,4 +1,4 @@
-"""Every relative link, anchor and picture on every page exists."""
+"""Every relative link, anchor and picture on every page exists, and every file that some pages name."""
 
 from __future__ import annotations
 
@@ -140,3 +140,80 @@ def test_a_link_that_leads_nowhere_is_found(
     page.write_text(f"# Here\n\n{text}\n", encoding="utf-8")
     found = [find_fault(page, target) for target in targets(page)]
     assert [each for each in found if each] == ([fault] if fault else [])
+
+
+# ---- files that pages name in their text: on architecture, on extending Posecast, on faults ----------
+
+OVERVIEW = ROOT / "docs/ARCHITECTURE.md"
+PARTS = ("edge-agent", "fault-isolation", "lane", "libraries-not-used", "relay", "rendering", "web-page")
+NAMING = (
+    OVERVIEW,
+    *(ROOT / f"docs/explanation/{part}.md" for part in (*PARTS, "multiple-relays")),
+    *sorted((ROOT / "docs/how-to/extend").glob("*.md")),
+)
+ROOTS = (
+    ROOT,
+    ROOT / "edge-agent/src/posecast_edge",
+    ROOT / "relay/src/posecast_relay",
+    ROOT / "spa/src",
+    ROOT / "spa/src/stream/lane",
+    ROOT / "wire",
+)
+
+
+def find_names(page: Path) -> list[str]:
+    """The files and folders that a page names."""
+    return re.findall(r"`([\w-][\w./-]*/(?:[\w.-]+\.\w+)?)`", page.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("page", NAMING, ids=lambda page: page.stem)
+def test_what_it_names_exists(page: Path) -> None:
+    missing = [name for name in find_names(page) if not any((root / name).exists() for root in ROOTS)]
+    assert missing == []
+
+
+def test_it_names_a_file_for_each_step() -> None:
+    steps = re.findall(r"^\| (\d+) \| (?:edge|relay|page) `", OVERVIEW.read_text(), re.MULTILINE)
+    assert [int(step) for step in steps] == list(range(1, 15))
+
+
+def test_the_pages_name_many_files() -> None:
+    assert len(find_names(OVERVIEW)) > 40
+    assert len({name for page in NAMING for name in find_names(page)}) > 200
+
+
+FAULT_TESTS = (ROOT / "docs/reference/fault-tests.md").read_text(encoding="utf-8")
+FAULTS = ROOT / "tests/faults"
+
+
+def rows(heading: str) -> list[list[str]]:
+    """The cells of the table below a heading that begins so, without its head."""
+    (section,) = re.findall(rf"^## {heading}[^\n]*$(.*?)(?=^## |\Z)", FAULT_TESTS, re.DOTALL | re.MULTILINE)
+    lines = [line for line in section.splitlines() if line.startswith("| ")]
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[1:]]
+
+
+def test_each_browser_test_exists() -> None:
+    named = {name for *_, tests in rows("Browser tests") for name in re.findall(r"`(\w+)`", tests)}
+    assert len(named) > 10
+    for name in named:
+        assert (ROOT / f"spa/e2e/{name}.test.ts").is_file(), name
+    for name in re.findall(r"unit test `(\w+)`", FAULT_TESTS):
+        assert len([*(ROOT / "spa/tests").glob(f"**/{name}.test.ts")]) == 1, name
+
+
+def test_each_way_to_break_a_part_is_listed() -> None:
+    listed = [(part, re.findall(r"^`(\w+)`", promise)[0]) for part, promise, *_ in rows("Broken parts")]
+    written = [
+        (part, way)
+        for part, file in (("relay", "broken_relay.py"), ("agent", "broken_edge.py"))
+        for way in re.findall(r'"(\w+)": \w+[,}]', (FAULTS / file).read_text(encoding="utf-8"))
+    ]
+    assert listed == written
+
+
+def test_each_file_that_is_named_exists() -> None:
+    named = re.findall(r"tests/faults/\w+\.\w+", FAULT_TESTS)
+    assert named
+    for path in named:
+        assert (ROOT / path).is_file(), path

@@ -14,13 +14,11 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from markdown_it import MarkdownIt
 
-from tools.site.__main__ import SiteError, build
-from tools.site.dialect import indent_lists
-from tools.site.generator_script import change_script
+from tools.site.__main__ import SiteError, build, change_script
 from tools.site.navigation import make_navigation
 from tools.site.python_page import write_python_page
 from tools.site.routes_page import read_description, write_routes
-from tools.site.staging import MOVED, stage_pages
+from tools.site.staging import MOVED, indent_lists, stage_pages
 
 pytestmark = pytest.mark.docs
 

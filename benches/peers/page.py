@@ -1,7 +1,7 @@
 """`python -m benches.peers.page`: puts the last run's tables (out/peers/peers.json) into
 docs/reference/benchmarks.md.
 
-Between the lines BEGIN and END; the plots are drawn anew from them (tools/bars.py).
+Between their two markers; the plots are drawn anew from them (tools/bars.py).
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from relay.benches.measure import Row
 from relay.benches.scenarios import Scenario
 from relay.benches.table import cpu_us, of, ratios, spread
 from tools import bars
+from tools.pages import fill, table
 
-BEGIN, END = "<!-- peers: written by benches/peers/page.py -->", "<!-- /peers -->"
 STEADY = ["server", "÷ relay", "µs CPU per message", "messages per CPU-second", "p50 ms", "p99 ms"]
 STEADY += ["MB per viewer and hour", "MB RSS per 1,000 viewers", "others' share"]
 SLOW = ["server", "KiB per stopped viewer", "cut after", "missed by the others", "p99 of the others, ms", ""]
@@ -65,7 +65,7 @@ def slow_line(rows: Sequence[Row], scenario: Scenario, server: str) -> list[str]
     ]
 
 
-def table(head: Sequence[str], rows: Sequence[Row], scenario: Scenario) -> list[str]:
+def make_table(head: Sequence[str], rows: Sequence[Row], scenario: Scenario) -> str:
     """Markdown, the relay first and bold, then the cheapest first."""
     line = slow_line if scenario.frozen else steady_line
     titles = {peer.name: peer.title.partition(":")[0].partition(",")[0] for peer in PEERS}
@@ -73,16 +73,16 @@ def table(head: Sequence[str], rows: Sequence[Row], scenario: Scenario) -> list[
     if not scenario.frozen:
         servers.sort(key=lambda name: median(cpu_us(row) for row in of(rows, scenario.name, name)))
     servers.sort(key=lambda name: name != RELAY)
-    lines = [list(head), ["---"] * len(head)]
+    lines = []
     for name in servers:
         first, *rest = line(rows, scenario, name)
         cells = [titles[name], first, *rest]
         lines.append([f"**{titles[name]}**", f"**{first}**", *rest] if name == RELAY else cells)
-    return ["| " + " | ".join(cells) + " |" for cells in lines]
+    return table(head, lines)
 
 
 def block(report: dict[str, Any]) -> str:
-    """What stands between BEGIN and END."""
+    """What stands between the markers."""
     rows: list[Row] = report["runs"]
     about = report["machine"]
     worst = max(row["others_share"] for row in rows)
@@ -100,7 +100,7 @@ def block(report: dict[str, Any]) -> str:
         scenario = SCENARIOS[name]
         if any(row["scenario"] == name for row in rows):
             said += ["", f"{scenario.title}:", "", f"<!-- bars: ../img/{image}.svg | {bar} -->", ""]
-            said += table(head, rows, scenario)
+            said.append(make_table(head, rows, scenario))
             said += ["", f"![{bar.partition(' |')[0]}](../img/{image}.svg)"]
     if report["absent"]:
         missing = "; ".join(f"{name} ({why})" for name, why in report["absent"].items())
@@ -108,21 +108,13 @@ def block(report: dict[str, Any]) -> str:
     return "\n".join(said)
 
 
-def put(page: str, text: str) -> str:
-    """The page with this between its two lines. ValueError when it doesn't have them."""
-    before, begin, rest = page.partition(BEGIN + "\n")
-    _, end, after = rest.partition("\n" + END)
-    if not begin or not end:
-        raise ValueError(f"benchmarks.md lacks the line {END if begin else BEGIN!r}")
-    return f"{before}{begin}\n{text}\n{end}{after}"
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(prog="page", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("report", type=Path, nargs="?", default=OUT / "peers.json")
     report: Path = parser.parse_args().report
     try:
-        page = put(bars.PAGE.read_text(), block(json.loads(report.read_text())))
+        made = {"peers": block(json.loads(report.read_text()))}
+        page = fill(bars.PAGE.read_text(), made, bars.PAGE.name)
     except FileNotFoundError:
         print(f"page: no {report}: `make peers` writes it", file=sys.stderr)
         return 2

@@ -49,7 +49,7 @@ ELSEWHERE = {
     "sources.demo.read_motion": "a file of our own",
     "sources.mujoco.model.load_simulation": "test_hostile_mujoco.py: MuJoCo reads",
     "model.mjcf.reader.load_mjcf": "test_hostile_mjcf.py: MuJoCo reads, in a process of its own",
-    "model.mjcf.compiled.read_model": "fuzz/targets/mjcf.py: what that process answers",
+    "model.mjcf.compiled.read_model": "fuzz/targets/models.py: what that process answers",
     "model.robot_file.load_robot_file": "one of the others",
 }
 # the kinds of sources, and which parsers read for each

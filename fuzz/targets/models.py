@@ -1,7 +1,8 @@
-"""Robots' bodies as an edge reads them: URDF (as the page does), SDF, and meshes."""
+"""Robots' bodies as an edge reads them: URDF (as the page does), SDF, MuJoCo, xacro, and meshes."""
 
 from __future__ import annotations
 
+import dis
 import html
 import io
 import math
@@ -11,24 +12,29 @@ import tempfile
 import unicodedata
 from collections.abc import Callable
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 from posecast_edge.cli.profile_new import make_profile_text
 from posecast_edge.model.doctor.skeleton import examine_model
-from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.collada import read_collada
 from posecast_edge.model.meshes.gltf import read_gltf
 from posecast_edge.model.meshes.mesh import Mesh, validate_mesh
 from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.reader import read_stl, split_all_by_colour
+from posecast_edge.model.mjcf.compiled import read_model
+from posecast_edge.model.mjcf.files import list_names
+from posecast_edge.model.mjcf.reader import make_robot
 from posecast_edge.model.sdf.reader import load_sdf, read_sdf
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.resolver import Resolver
 from posecast_edge.model.urdf.tree import build_tree
-from posecast_edge.model.urdf.types import Geometry, Material, Pose, Shape, Urdf
+from posecast_edge.model.urdf.types import Inertial, Joint, Shape, Urdf
+from posecast_edge.model.xacro.child import ExpressionRefused, compile_expression
 from posecast_edge.profile.reader import ProfileError, parse_profile
 
-from fuzz.differ import agree
+from fuzz.differ import agree, plain
 from fuzz.page_reader import ask
 from fuzz.target import Differs, Target
 
@@ -140,68 +146,72 @@ def shown_urdf(found: Urdf) -> dict[str, Any]:
             {
                 "name": link.name,
                 "visuals": [_shape(shape) for shape in link.visuals],
-                "inertial": link.inertial
-                and {
-                    "mass": link.inertial.mass,
-                    "moments": link.inertial.inertia,
-                    "xyz": link.inertial.pose.xyz,
-                    "rpy": link.inertial.pose.rpy,
-                    "line": link.inertial.line,
-                },
+                "inertial": link.inertial and _inertial(link.inertial),
                 "line": link.line,
             }
             for link in found.links
         ],
-        "joints": [
-            {
-                "name": joint.name,
-                "type": joint.type,
-                "parent": joint.parent,
-                "child": joint.child,
-                **_pose(joint.pose),
-                "axis": joint.axis,
-                "limit": joint.limit and dict(vars(joint.limit)),
-                "mimic": joint.mimic and dict(vars(joint.mimic)),
-                "line": joint.line,
-            }
-            for joint in found.joints
-        ],
-        "materials": {name: _material(material) for name, material in found.materials.items()},
+        "joints": [_with_pose(joint) for joint in found.joints],
+        "materials": plain(found.materials),
         "sensors": [{"name": one.name, "link": one.link, "line": one.line} for one in found.sensors],
-        "references": [dict(vars(reference)) for reference in found.references],
-        "findings": [_finding(finding) for finding in found.findings],
+        "references": plain(found.references),
+        "findings": plain(found.findings),
     }
+
+
+def _inertial(found: Inertial) -> dict[str, Any]:
+    return {"mass": found.mass, "moments": found.inertia, "line": found.line, **plain(found.pose)}
+
+
+def _with_pose(posed: Joint | Shape) -> dict[str, Any]:
+    members: dict[str, Any] = plain(posed)
+    return {**members.pop("pose"), **members}
 
 
 def _shape(shape: Shape) -> dict[str, Any]:
-    return {
-        **_pose(shape.pose),
-        "shape": shape.geometry and _geometry(shape.geometry),
-        "material": shape.material and _material(shape.material),
-        "line": shape.line,
-    }
+    members = _with_pose(shape)
+    geometry = members.pop("geometry")
+    for name in ("part", "isCentred") if geometry else ():
+        del geometry[name]
+    return members | {"shape": geometry}
 
 
-def _geometry(geometry: Geometry) -> dict[str, Any]:
-    return {
-        "kind": geometry.kind,
-        "uri": geometry.uri,
-        "scale": geometry.scale,
-        "dims": geometry.dims,
-        "line": geometry.line,
-    }
+def mjcf(data: bytes) -> None:
+    """What is looked for beside a model."""
+    for _, name in list_names(data):
+        if "\0" in name or not name:
+            raise Differs("no name for a file")
 
 
-def _material(material: Material) -> dict[str, Any]:
-    return {"name": material.name, "rgba": material.rgba, "texture": material.texture, "line": material.line}
+def mjcf_answer(data: bytes) -> None:
+    """What a compiler that went wrong may write."""
+    build_tree(make_robot(read_model(io.BytesIO(data)), Path("model.xml")).urdf)
 
 
-def _pose(pose: Pose) -> dict[str, Any]:
-    return {"xyz": pose.xyz, "rpy": pose.rpy}
+# what a guarded expression may not have been compiled to
+ASKING = {"LOAD_ATTR", "LOAD_METHOD", "STORE_ATTR", "DELETE_ATTR", "IMPORT_NAME", "IMPORT_FROM"}
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
-    return {"severity": finding.severity, "code": finding.code, "text": finding.text, "line": finding.line}
+def expression(data: bytes) -> None:
+    """An expression of xacro: what is let through asks for no attribute but by way of our guard, and for none
+    of Python's own names. It is compiled and not run: that is done in a process of its own, bounded."""
+    text = data.decode("utf-8", "replace")
+    try:
+        waiting = [compile_expression(text)]
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return
+    while waiting:
+        code = waiting.pop()
+        waiting += [one for one in code.co_consts if isinstance(one, CodeType)]
+        before: object = None
+        for step in dis.get_instructions(code):
+            # how Python's compiler itself puts an f-string of many parts together
+            is_fstring = step.argval == "join" and before == ""
+            before = step.argval
+            if step.opname in ASKING and not is_fstring:
+                raise Differs(f"{step.opname} {step.argval!a} is let through")
+        if any(name.startswith("__") for name in code.co_names):
+            raise Differs("a name of Python's own is let through")
 
 
 REFUSES = (ModelRefused,)
@@ -216,4 +226,7 @@ TARGETS = (
     Target("mtl", mesh_of(library), REFUSES),
     Target("gltf", mesh_of(lambda data: read_gltf(as_glb(data), nothing)), REFUSES),
     Target("collada", mesh_of(lambda data: read_collada(data, nothing)), REFUSES),
+    Target("mjcf", mjcf),
+    Target("mjcf-answer", mjcf_answer, REFUSES),
+    Target("xacro", expression, (ExpressionRefused,)),
 )

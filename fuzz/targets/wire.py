@@ -36,12 +36,11 @@ from posecast_wire.recording import (
     pack_segment,
     unpack_segment,
 )
-from posecast_wire.schema import JointMap, Mapping, SensorMount, Threshold
 from posecast_wire.segment import SegmentError, decode_segment, encode_segment
 from posecast_wire.segment.envelope import PREFIX, TAIL
 from posecast_wire.segment.records import MAGIC
 
-from fuzz.differ import agree, difference
+from fuzz.differ import agree, difference, plain
 from fuzz.page_reader import ask
 from fuzz.target import Differs, Refused, Target
 from wire.python.tools.make_key_page_vectors import shown as shown_key_page
@@ -257,56 +256,9 @@ def credential(data: bytes) -> None:
 
 def shown_schema(found: Schema) -> dict[str, Any]:
     """As page/targets.ts shows it."""
-    fields = [
-        {
-            "name": f.name, "labels": f.labels, "labelSet": f.label_set, "unit": f.unit, "scale": f.scale,
-            "rel": f.rel, "bits": f.bits, "slow": f.slow, "start": f.start, "size": f.size,
-        }
-        for f in found.fields
-    ]  # fmt: skip
-    mapping = shown_mapping(found.mapping)
-    return {"id": found.id, "robot": found.robot, "fields": fields, "size": found.size, "mapping": mapping}
-
-
-def shown_mapping(found: Mapping) -> dict[str, Any]:
-    """Likewise."""
-    return {
-        "joints": {name: _joint(joint) for name, joint in found.joints.items()},
-        "sensors": {name: _sensor(sensor) for name, sensor in found.sensors.items()},
-        "names": dict(found.names),
-        "translatedNames": {language: dict(of) for language, of in found.translated_names.items()},
-        "thresholds": {
-            name: {label: _threshold(one) for label, one in of.items()}
-            for name, of in found.thresholds.items()
-        },
-        "tolerances": dict(found.tolerances),
-        "severities": {name: dict(of) for name, of in found.severities.items()},
-        "units": {name: dict(of) for name, of in found.units.items()},
-        "sentences": {
-            name: {
-                bit: {language: {"say": one.say, "why": one.why} for language, one in by.items()}
-                for bit, by in of.items()
-            }
-            for name, of in found.sentences.items()
-        },
-        "balance": {
-            "feet": found.balance.feet,
-            "ground": found.balance.ground,
-            "soles": dict(found.balance.soles),
-        },
-    }
-
-
-def _joint(joint: JointMap) -> dict[str, Any]:
-    return {"terms": joint.terms, "offset": joint.offset}
-
-
-def _sensor(sensor: SensorMount) -> dict[str, Any]:
-    return {name: getattr(sensor, name) for name in ("kind", "name", "link", "xyz", "rpy")}
-
-
-def _threshold(threshold: Threshold) -> dict[str, Any]:
-    return {"low": threshold.low, "high": threshold.high, "caution": threshold.caution}
+    members = [plain(field) | {"size": field.size} for field in found.fields]
+    mapping = plain(found.mapping)
+    return {"id": found.id, "robot": found.robot, "fields": members, "size": found.size, "mapping": mapping}
 
 
 def shown_frame(found: Frame, frame: bytes) -> list[Any]:

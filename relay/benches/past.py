@@ -23,7 +23,6 @@ from posecast_relay.core.robot import Robot
 from posecast_relay.core.room import Room
 from posecast_relay.past.memory import MemoryPast
 from posecast_relay.past.recorder import Recorder, RecordingPorts
-from posecast_relay.past.segment import KeptSegment
 from posecast_wire import Snapshot, Stamp
 
 HZ = 30
@@ -83,17 +82,6 @@ def play(hub: Hub, frames: list[tuple[float, bytes, Snapshot | None]], played: P
             hub.take_snapshot("demo", "public", snapshot, stamp, now)
         hub.changed.clear()
     return took_ns
-
-
-def record_demo() -> list[KeptSegment]:
-    """The segments of MINUTES of the demo robot, in order."""
-    kept, drawn, played = MemoryPast(1 << 30), count(1), Played()
-    ports = RecordingPorts(kept.add, lambda: next(drawn), lambda: UNIX_S + played.now)
-    recorder = Recorder(ports, list_lookers)
-    recorder.set_policy(Policy(), 0.0)
-    play(Hub(Limits(), recorder=recorder), list(make_frames()), played)
-    recorder.close_all(1000.0 + 60 * MINUTES)
-    return kept.list_segments("demo", "public")
 
 
 def describe(name: str, took_ns: list[int]) -> float:

@@ -1,4 +1,5 @@
-"""Collects the guide's pages in one folder: docs/, and pages from elsewhere in the repository."""
+"""Collects the guide's pages in one folder: docs/, and pages from elsewhere in the repository, and changes
+GitHub's Markdown so that the generator reads it the same way."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import unquote
 
-from tools.site.dialect import indent_lists
+from markdown_it import MarkdownIt
 
 # pages outside docs/, and their place in the guide
 MOVED: Mapping[str, str] = {
@@ -22,6 +23,10 @@ HOME = Path("index.md")
 HOME_META = "---\nhide:\n  - navigation\n  - toc\n  - path\n---\n\n"  # without side columns
 FILES = "files"  # the folder for linked files that are not pages
 LINK = re.compile(r"(?P<before>\]\(|\b(?:href|src)=\")(?P<target>[^)\s\"]+)")
+
+MARKER = re.compile(r"\s*(?P<marker>(?:[-*+]|\d+[.)])\s+)")
+INDENT = 4  # of a list item's content; GitHub uses the width of the marker
+MARKDOWN = MarkdownIt("commonmark").enable("table")
 
 
 def stage_pages(root: Path, out: Path) -> None:
@@ -59,3 +64,34 @@ def _move_link(
             (out / target).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file, out / target)
     return f"{found['before']}{os.path.relpath(target, place.parent)}{mark}{anchor}"
+
+
+def indent_lists(page: str) -> str:
+    """Indent the content of list items by four spaces; add blank lines before lists, and before items with
+    paragraphs."""
+    lines = page.split("\n")
+    more, needed = [0] * len(lines), [0] * len(lines)  # spaces to add; spaces required in the item
+    set_off: set[int] = set()
+    before: dict[int, int] = {}  # by level, the first line of the previous item
+    for token in MARKDOWN.parse(page):
+        if token.map is None:
+            continue
+        start, end = token.map
+        if token.type in ("bullet_list_open", "ordered_list_open"):
+            before[token.level + 1] = start
+            if token.level == 0:
+                set_off.add(start)
+        if token.type == "list_item_open" and (found := MARKER.match(lines[start])):
+            if not all(line.strip() for line in lines[before[token.level] : start]):
+                set_off.add(start)
+            before[token.level] = start
+            for inside in range(start + 1, end):
+                more[inside] += INDENT - len(found["marker"])
+                needed[inside] += len(found["marker"])
+    made: list[str] = []
+    for number, line in enumerate(lines):
+        if number in set_off and made and made[-1].strip():
+            made.append("")
+        belongs = line.strip() and line[: needed[number]].isspace()
+        made.append(" " * more[number] + line if belongs else line)
+    return "\n".join(made)

@@ -21,12 +21,11 @@ from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Sample
 from posecast_edge.sources.demo import BUNDLE, PROFILE, read_motion
 from posecast_relay.recording.collector import Collector, Description
-from posecast_relay.recording.page import unpacks_segments
+from posecast_relay.recording.page import ENTRIES, GENERAL, TITLE, copy_page_files, unpacks_segments
 from posecast_wire.recording import RECORDING_FILE, RecordingNote
 
 from tools.site.moments import drone
 from tools.site.moments.moments import DEMO, DRONE, MOMENTS, Moment
-from tools.site.moments.player import add_entries, add_player
 from tools.site.moments.poster import SIDE, draw_poster
 from tools.site.moments.simulated_relay import RecordedPast, RecordingFailed, record_samples
 
@@ -35,6 +34,7 @@ PAGE = "gallery.html"
 FROM_MS = 1_793_620_800_000  # 2026-11-02T12:00Z: fixed, so that the same robot makes the same files
 STEP_MS = 600_000  # from moment to moment: each has a page of KEYs of its own, in the folder of all
 PLACE = re.compile(r'<div class="moment" data-moment="(?P<name>[a-z]*)">\s*</div>')
+ADDRESS = re.compile(r'((?:href|src)=")(?:\./)?')  # of what lies beside the page
 REDIRECT = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Gallery</title>
 <link rel="icon" href="favicon.svg"><meta http-equiv="refresh" content="0; url=../gallery.html"></head>
 <body><a href="../gallery.html">Gallery</a></body></html>
@@ -54,7 +54,7 @@ def add_gallery(site: Path, page: Path) -> None:
     Raises RecordingFailed, ModelError, or OSError.
     """
     folder = site / FOLDER
-    add_player(page, folder)
+    copy_page_files(page, folder)
     with TemporaryDirectory() as temporary:
         robots = {
             DEMO: Robot(load_profile(PROFILE), load_built(BUNDLE / "model")),
@@ -86,6 +86,19 @@ def add_moment(moment: Moment, robot: Robot, from_ms: int, page: Path, folder: P
     add_entries(page, folder, moment.name, moment.title)
     at_ms = from_ms + round(1000 * (moment.poster_s - moment.from_s))
     (folder / moment.name / "poster.webp").write_bytes(draw_poster(robot.bundle, segments, at_ms, moment.eye))
+
+
+def add_entries(page: Path, folder: Path, name: str, title: str) -> None:
+    """Write `NAME/index.html` and `NAME/embed/index.html`, which play `NAME.json` of the same folder with the
+    player there."""
+    for entry, home in ENTRIES.items():
+        text = GENERAL.sub("", (page / entry).read_text(encoding="utf-8"))
+        text = ADDRESS.sub(r"\1../", text)
+        meta = f'<meta name="posecast-recording" content="{home}../{name}.json" />'
+        text = text.replace(TITLE, f"{meta}\n    <title>{html.escape(title)} · Posecast</title>", 1)
+        place = folder / name / entry
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text, encoding="utf-8")
 
 
 def list_samples(moment: Moment) -> Iterator[Sample]:
