@@ -30,7 +30,7 @@ SCHEMA = (SEGMENTS / "schema.json").read_text()
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("saved")
     folders = json.dumps({"from": str(SEGMENTS), "into": str(folder)})
-    command = ["node", REPO / "spa/tests/rigs/run.mjs", "save_files.ts", "saveFiles"]
+    command = ["node", str(REPO / "spa/tests/rigs/run.mjs"), "save_files.ts", "saveFiles"]
     subprocess.run(command, input=folders, text=True, stdout=subprocess.DEVNULL, check=True)
     return folder
 

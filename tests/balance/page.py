@@ -61,7 +61,7 @@ def read_stances(manifest: Document, schema: str, frames: Sequence[Document]) ->
 
 def _run(function: str, manifest: Document, schema: str, frames: Sequence[Document]) -> Document:
     course = json.dumps({"manifest": manifest, "schema": schema, "frames": frames})
-    command = ["node", REPO / "spa/tests/rigs/run.mjs", "balance_courses.ts", function]
+    command = ["node", str(REPO / "spa/tests/rigs/run.mjs"), "balance_courses.ts", function]
     done = subprocess.run(command, input=course, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found: Document = json.loads(done.stdout)
