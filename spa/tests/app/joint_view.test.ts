@@ -1,12 +1,15 @@
 // @vitest-environment happy-dom
 import { parseSchema } from '@posecast/wire';
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
+import { Ranks } from '../../src/app/numbers/table/joint_row.ts';
 import {
   filterText,
   JointView,
   setFilter,
   type TableSources,
 } from '../../src/app/numbers/table/joint_view.ts';
+import { NameColumn } from '../../src/app/numbers/table/name_column.ts';
+import { createElement } from '../../src/app/shell/cells.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
 import { selection, selectJoint } from '../../src/app/state/viewing.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
@@ -364,4 +367,100 @@ describe('the columns', () => {
       ]);
     }
   });
+});
+
+describe('the rank of a row', () => {
+  it('is the top while it is faulty, and for five seconds after', () => {
+    const ranks = new Ranks(2);
+    ranks.set(1, 'fault', false);
+    expect([ranks.of(0, 0), ranks.of(1, 0)]).toEqual([0, 2]);
+    ranks.set(1, 'ok', false);
+    expect([4999, 5000].map((ms) => ranks.of(1, ms))).toEqual([2, 0]);
+  });
+
+  it('is the top as long as a fault of it waits to be acknowledged, and five seconds from its end', () => {
+    const ranks = new Ranks(1);
+    ranks.set(0, 'fault', true);
+    ranks.of(0, 0);
+    ranks.set(0, 'ok', true);
+    expect(ranks.of(0, 60_000)).toBe(2);
+    ranks.set(0, 'ok', false);
+    expect(ranks.of(0, 60_001)).toBe(0);
+    ranks.set(0, 'fault', true);
+    ranks.of(0, 70_000);
+    ranks.set(0, 'ok', false);
+    expect(ranks.of(0, 71_000)).toBe(2);
+  });
+
+  it('rises for a caution only when it has lasted a second, also with gaps', () => {
+    const ranks = new Ranks(1);
+    ranks.set(0, 'caution', false);
+    expect([0, 999, 1000].map((ms) => ranks.of(0, ms))).toEqual([0, 0, 1]);
+    ranks.set(0, 'ok', false);
+    expect([5999, 6000].map((ms) => ranks.of(0, ms))).toEqual([1, 0]);
+    ranks.set(0, 'caution', false);
+    expect(ranks.of(0, 6001), 'a new one').toBe(0);
+  });
+});
+
+const LABELS = ['left_hip_pitch_joint', 'left_hip_roll_joint', 'left_knee_joint'];
+
+/** A table of three columns, the middle one 100 px wide, in this much room. Nothing is measured: a letter is 7 px wide. */
+function columnIn(room: { px: number }) {
+  const host = createElement('div', '');
+  Object.defineProperty(host, 'clientWidth', { get: () => room.px });
+  const table = createElement('table', 'joints');
+  const head = createElement('thead', '');
+  for (const width of [0, 100, 0]) {
+    const cell = createElement('th', '');
+    Object.defineProperty(cell, 'offsetWidth', { get: () => width });
+    head.append(cell);
+  }
+  table.append(head);
+  const cells = LABELS.map((label) => {
+    const button = createElement('button', '', label);
+    createElement('th', '').append(button);
+    return { button, name: label };
+  });
+  host.append(table);
+  document.body.append(host);
+  const column = new NameColumn(table, cells);
+  const shown = () => cells.map(({ button }) => button.textContent);
+  return { column, table, shown, cells };
+}
+
+it('is as wide as the names, and says them whole to whoever listens where they are cut', () => {
+  const room = { px: 400 };
+  const { column, table, shown, cells } = columnIn(room);
+  column.fit();
+  expect(shown()).toEqual(LABELS);
+  const wide = Number.parseFloat(table.style.getPropertyValue('--joint-width'));
+  expect(wide).toBeGreaterThanOrEqual(20 * 7);
+  expect(wide).toBeLessThan(20 * 7 + 10);
+  expect(cells[0]!.button.hasAttribute('aria-label')).toBe(false);
+
+  room.px = 290;
+  column.fit();
+  expect(new Set(shown()).size).toBe(3);
+  expect(shown()[0]).toContain('…');
+  expect(cells[0]!.button.getAttribute('aria-label')).toBe(LABELS[0]);
+  expect(table.dataset.crowded).toBe('');
+
+  room.px = 200;
+  column.fit();
+  expect(table.dataset.crowded, 'columns that stand in the card make room').toBe('more');
+  expect(new Set(shown()).size).toBe(3);
+
+  room.px = 400;
+  column.fit();
+  expect(shown()).toEqual(LABELS);
+  expect(cells[0]!.button.hasAttribute('aria-label')).toBe(false);
+  expect(table.dataset.crowded).toBe('');
+});
+
+it('waits until there is room at all', () => {
+  const { column, table, shown } = columnIn({ px: 0 });
+  column.fit();
+  expect(shown()).toEqual(LABELS);
+  expect(table.style.getPropertyValue('--joint-width')).toBe('');
 });

@@ -4,6 +4,7 @@ import path from 'node:path';
 import { createElement, useEffect } from 'react';
 import { createRoot } from 'react-dom/client';
 import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
+import { KeysSheet } from '../../src/app/settings/KeysSheet.tsx';
 import {
   addPageKeys,
   type KeyAction,
@@ -14,6 +15,9 @@ import {
   withKey,
 } from '../../src/app/shell/page_keys.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
+import { pastControls } from '../../src/app/state/viewing.ts';
+import { moreKo } from '../../src/app/text/ko.ts';
+import { FakePast } from '../rigs/past_fake.ts';
 
 const ACTIONS = Object.keys(PAGE_KEYS) as KeyAction[];
 /** What can be taken up: not what elements do themselves, and not what needs the focus on the time line. */
@@ -270,4 +274,33 @@ it('the guide lists the keys that the page has', () => {
   const listed = cells.flatMap((cell) => [...cell.matchAll(/`([^`]+)`/g)].map(([, key]) => key!));
   const signs = ACTIONS.map((each) => signOf(PAGE_KEYS[each].keys[0])).filter((sign) => !/^Arrow/.test(sign));
   expect(new Set(listed)).toEqual(new Set([...signs, 'Tab', 'Enter']));
+});
+
+afterEach(() => {
+  pastControls.set(null);
+  document.body.replaceChildren();
+});
+
+async function keysOf(recorded: object | null): Promise<string> {
+  const past = new FakePast(Date.UTC(2026, 10, 22, 14, 30));
+  Object.assign(past.playhead, { recorded });
+  pastControls.set(past);
+  const host = document.body.appendChild(document.createElement('div'));
+  const root = createRoot(host);
+  root.render(createElement(KeysSheet, { onClose: () => {} }));
+  await vi.waitFor(() => expect(document.body.textContent).toContain('Home End'));
+  const said = document.body.textContent ?? '';
+  root.unmount();
+  return said;
+}
+
+it('names what leads to live, where there is a present', async () => {
+  expect(await keysOf(null)).toMatch(/back to live.*the oldest, live/s);
+});
+
+it('says of a recording where it begins and ends, and nothing of live', async () => {
+  const said = await keysOf({});
+  expect(said).toContain('on the time line: the beginning, the end');
+  expect(said).not.toMatch(/\blive\b/);
+  expect(moreKo.keyRecordedEnds).not.toContain('실시간');
 });

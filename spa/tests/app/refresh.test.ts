@@ -1,5 +1,7 @@
+// @vitest-environment happy-dom
 import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { refreshWith } from '../../src/app/shell/refresh.ts';
+import { onTick } from '../../src/app/state/hooks.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { codesWith, SCHEMA, stateOf } from '../rigs/schema.ts';
 
@@ -56,4 +58,23 @@ it('goes on without frames where that is wanted, and ends', () => {
   frame();
   vi.advanceTimersByTime(5000);
   expect(writes()).toBe(10);
+});
+
+it('one timer tells all who wait for time, each as often as it wants, and nobody on a hidden page', () => {
+  const timers = vi.spyOn(globalThis, 'setInterval');
+  const listeners = [vi.fn(), vi.fn()];
+  const told = () => listeners.map(({ mock }) => mock.calls.length);
+  const stop = [250, 1000].map((everyMs, i) => onTick(everyMs, listeners[i]!));
+  vi.advanceTimersByTime(2000);
+  expect(told()).toEqual([8, 2]);
+  const hidden = vi.spyOn(document, 'hidden', 'get').mockReturnValue(true);
+  vi.advanceTimersByTime(5000);
+  expect(told()).toEqual([8, 2]);
+  hidden.mockRestore();
+  document.dispatchEvent(new Event('visibilitychange'));
+  expect(told(), 'at once when it is seen again').toEqual([9, 3]);
+  for (const off of stop) off();
+  vi.advanceTimersByTime(5000);
+  expect(told()).toEqual([9, 3]);
+  expect(timers).toHaveBeenCalledOnce();
 });

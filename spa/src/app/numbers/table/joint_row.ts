@@ -65,7 +65,7 @@ export interface Lost {
 /** The classes of a column's cells; see `joints.css`. */
 export function classOf(number: (typeof NUMBERS)[number]): string {
   const yields = 'yields' in number ? ` yields-${number.yields}` : '';
-  return `c-num c-${number.wide}${yields}${'computed' in number ? ' c-computed' : ''}`;
+  return `c-num c-${number.name} c-${number.wide}${yields}${'computed' in number ? ' c-computed' : ''}`;
 }
 
 /** One row of the joint table. It remembers what it shows, and writes to the DOM only what changes. */

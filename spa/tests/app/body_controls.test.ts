@@ -1,7 +1,15 @@
 // @vitest-environment happy-dom
-import { afterEach, describe, expect, it } from 'vitest';
-import { bindSelection, channelOf } from '../../src/app/robot/camera_controls.ts';
+import { afterEach, describe, expect, it, test } from 'vitest';
+import {
+  bindInsets,
+  bindSelection,
+  cameraKeys,
+  channelOf,
+  closeTo,
+} from '../../src/app/robot/camera_controls.ts';
+import type { KeyAction } from '../../src/app/shell/page_keys.ts';
 import { selection, selectJoint } from '../../src/app/state/viewing.ts';
+import type { Insets } from '../../src/scene/camera/insets.ts';
 import { JointChannels, KinematicTree } from '../../src/twin/kinematic_tree.ts';
 import { RobotTwin } from '../../src/twin/robot.ts';
 import { SCHEMA } from '../rigs/schema.ts';
@@ -96,4 +104,90 @@ describe('a joint chosen among the numbers', () => {
     for (const odd of ['NK1', '__proto__', 'x'.repeat(10_000)]) selectJoint(odd);
     expect([bright(), told]).toEqual([[], []]);
   });
+});
+
+/** A view that records its calls. */
+function eye(link: string | null = 'head') {
+  const told: string[] = [];
+  const tell =
+    (word: string) =>
+    (...how: (string | number)[]) =>
+      void told.push([word, ...how.map((x) => (typeof x === 'number' ? x.toFixed(2) : x))].join(' '));
+  const view = {
+    look: tell('look'),
+    focus: tell('focus'),
+    orbit: tell('orbit'),
+    pan: tell('pan'),
+    zoom: tell('zoom'),
+    pick: (x: number, y: number) => (x === 5 && y === 6 ? link : null),
+  };
+  return { view, told };
+}
+
+test.each([
+  ['turn', 'ArrowLeft', 'orbit 0.13 0.00'],
+  ['turn', 'ArrowUp', 'orbit 0.00 0.13'],
+  ['pan', 'ArrowDown', 'pan 0.00 -40.00'],
+  ['nearer', '+', 'zoom 0.85'],
+  ['farther', '-', 'zoom 1.18'],
+  ['home', '0', 'look home'],
+  ['top', '3', 'look top'],
+  ['closeUp', 'c', 'focus head'],
+] as const satisfies readonly (readonly [KeyAction, string, string])[])(
+  '%s by %s is %s',
+  (action, key, does) => {
+    const { view, told } = eye();
+    const keys = cameraKeys(view, () => ({ x: 5, y: 6 }));
+    keys[action]?.(new KeyboardEvent('keydown', { key }));
+    expect(told).toEqual([does]);
+  },
+);
+
+test('where no link is, the first view comes back', () => {
+  const { view, told } = eye(null);
+  closeTo(view, { x: 5, y: 6 });
+  expect(told).toEqual(['look home']);
+});
+
+/** A stage of 300 px; the elements over it by class, with their range below its top edge. */
+function coveredStage(parts: Readonly<Record<string, readonly [number, number]>>): HTMLElement {
+  document.body.innerHTML = '<section><div class="canvas"></div></section>';
+  const section = document.querySelector('section')!;
+  const put = (element: Element, top: number, bottom: number) => {
+    element.getBoundingClientRect = () => new DOMRect(0, 50 + top, 400, bottom - top);
+  };
+  put(section, 0, 300);
+  for (const [name, [top, bottom]] of Object.entries(parts)) {
+    const part = document.createElement('div');
+    part.className = name;
+    put(part, top, bottom);
+    section.append(part);
+  }
+  return section.querySelector<HTMLElement>('.canvas')!;
+}
+
+function coverOf(canvas: HTMLElement): Insets | null {
+  let told: Insets | null = null;
+  bindInsets(canvas, {
+    setCover: (cover) => {
+      told = cover;
+    },
+  })();
+  return told;
+}
+
+afterEach(() => {
+  document.body.innerHTML = '';
+});
+
+it('tells how far notes reach down and buttons up', () => {
+  const covered = coverOf(
+    coveredStage({ 'stage-note': [14, 50], 'stage-views': [54, 90], 'stage-tools': [250, 290] }),
+  );
+  expect(covered).toEqual({ above: 94, below: 50 });
+});
+
+it('what is hidden or empty covers nothing', () => {
+  const covered = coverOf(coveredStage({ 'stage-views': [10, 10], 'stage-tools': [-50, -50] }));
+  expect(covered).toEqual({ above: 0, below: 0 });
 });

@@ -1,5 +1,6 @@
-import { afterEach, beforeEach, expect, it, vi } from 'vitest';
-import { connectParent } from '../../src/app/pages/embed/parent.ts';
+import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
+import { framedRobot } from '../../src/app/pages/embed/EmbedPage.tsx';
+import { connectParent, parentOrigin, readParentRequest } from '../../src/app/pages/embed/parent.ts';
 import { shownScene } from '../../src/app/shell/debug_api.ts';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
 import { settings } from '../../src/app/state/settings.ts';
@@ -120,4 +121,64 @@ it('says nothing where the address names nobody', () => {
   (window as unknown as { location: { search: string } }).location.search = '';
   connectParent(link);
   expect(parent.postMessage).not.toHaveBeenCalled();
+});
+
+describe('the page around a frame', () => {
+  it('may ask for what the frame knows', () => {
+    expect(readParentRequest({ posecast: 'look', view: 'side' })).toEqual({ posecast: 'look', view: 'side' });
+    expect(readParentRequest({ posecast: 'select', joint: 'RKN' })).toEqual({
+      posecast: 'select',
+      joint: 'RKN',
+    });
+    expect(readParentRequest({ posecast: 'select', joint: null })).toEqual({
+      posecast: 'select',
+      joint: null,
+    });
+    expect(readParentRequest({ posecast: 'play', speed: 8 })).toEqual({ posecast: 'play' });
+    expect(readParentRequest({ posecast: 'set', angle: 'deg', theme: 'pink', palette: 'safe' })).toEqual({
+      posecast: 'set',
+      changed: { angle: 'deg' },
+    });
+  });
+
+  it('may say anything', () => {
+    const odd = [null, 'look', 7, [], {}, { posecast: 'look' }, { posecast: 'look', view: '__proto__' }];
+    for (const data of [
+      ...odd,
+      { posecast: 'select', joint: 7 },
+      { posecast: 'set', theme: {} },
+      { posecast: 'x' },
+    ]) {
+      expect(readParentRequest(data)).toBeNull();
+    }
+  });
+
+  it('is the one that the address names, and nobody else', () => {
+    expect(parentOrigin('?origin=https://course.example/week-3?x')).toBe('https://course.example');
+    for (const none of [
+      '',
+      '?origin=',
+      '?origin=*',
+      '?origin=null',
+      '?origin=javascript:alert(1)',
+      '?origin=data:,x',
+    ]) {
+      expect(parentOrigin(none), none).toBeNull();
+    }
+  });
+});
+
+it.each([
+  ['/embed/hubo', '', 'hubo'],
+  ['/lab/embed/hubo', '#/r/hubo?theme=light', 'hubo'],
+  ['/embed/', '#/r/hubo', 'hubo'],
+  ['/embed/index.html', '#/r/hubo', 'hubo'],
+  ['/embed/', '', null],
+  // the page's headers are for the robot that the path names
+  ['/embed/open', '#/r/hubo', null],
+  ['/embed/%6fpen', '#/r/hubo', null],
+  ['/embed/%6fpen', '', null],
+  ['/embed//open', '#/r/hubo', null],
+])('%s%s shows %s', (pathname, hash, robot) => {
+  expect(framedRobot(pathname, hash)).toBe(robot);
 });

@@ -1,11 +1,16 @@
-import { describe, expect, it } from 'vitest';
+import type { EventMessage } from '@posecast/wire';
+import { beforeEach, describe, expect, it } from 'vitest';
 import { ALL } from '../../src/app/past/time_line/line.ts';
-import { goingOn, movementPath, runsOf } from '../../src/app/past/time_line/movement.ts';
+import { goingOn, movementPath, runsOf, withHeard } from '../../src/app/past/time_line/movement.ts';
+import { Scrubber } from '../../src/app/past/time_line/scrubber.ts';
 import { whatWords } from '../../src/app/past/time_line/Track.tsx';
 import { drawnMarks, drawnWords } from '../../src/app/past/time_line/TrackPicture.tsx';
 import { markNear, msAt, pxAt, shownSpan } from '../../src/app/past/time_line/track_view.ts';
+import type { PastSource } from '../../src/past/past_source.ts';
+import type { Span } from '../../src/past/past_types.ts';
 import { relayAhead } from '../../src/past/player/playhead_state.ts';
-import { timelineOf } from '../rigs/past_fake.ts';
+import { listEvents } from '../../src/past/player/tape/happenings.ts';
+import { FakePast, timelineOf } from '../rigs/past_fake.ts';
 
 const MIN = 60_000;
 const RECENT_MS = 5 * MIN;
@@ -186,5 +191,178 @@ describe('now by the relay’s clock', () => {
     expect(relayAhead(Number.NEGATIVE_INFINITY, { toMs: T - 3000 }, live(T - 3000), T)).toBe(-3000);
     const past = { at: 'past', momentMs: T + 9000 } as const;
     expect(relayAhead(Number.NEGATIVE_INFINITY, { toMs: T }, past, T)).toBe(0);
+  });
+});
+
+const TO_MS = Date.UTC(2026, 10, 22, 14, 10);
+
+function heardAt(n: number, beforeMs: number, more: Partial<EventMessage> = {}): EventMessage {
+  const at = (TO_MS - beforeMs) / 1000;
+  return { type: 'event', n, t: 0, at, level: 'fault', source: 'RKN', text: 'jam', state: 'on', ...more };
+}
+const placesOf = (marks: readonly { atMs: number; exact: boolean }[]) =>
+  marks.map(({ atMs, exact }) => [TO_MS - atMs, exact]);
+
+it('what was heard stands at its moment, in place of the minutes that tell of it', () => {
+  const timeline = timelineOf(TO_MS, 10, [
+    { atMs: TO_MS - 5 * MIN, exact: false, count: 2 },
+    { atMs: TO_MS - 2 * MIN, exact: false },
+  ]);
+  const heard = [
+    heardAt(7, 4.5 * MIN),
+    heardAt(8, 3.5 * MIN, { state: 'off' }),
+    heardAt(9, 1.5 * MIN, { level: 'info' }),
+    heardAt(10, 1.2 * MIN),
+    heardAt(11, 20_000, { level: 'caution' }),
+  ];
+  // the first minute started before the first event heard, so it stays
+  expect(placesOf(withHeard(timeline, heard).marks)).toEqual([
+    [5 * MIN, false],
+    [1.2 * MIN, true],
+    [20_000, true],
+  ]);
+});
+
+it('what the index tells exactly is not marked twice, and where nothing is new the line is the same', () => {
+  const timeline = timelineOf(TO_MS, 10, [{ atMs: TO_MS - 30_000 }]);
+  expect(withHeard(timeline, [heardAt(1, 30_400)])).toBe(timeline);
+  expect(withHeard(timeline, [])).toBe(timeline);
+  expect(withHeard(timeline, [heardAt(1, 11 * MIN), heardAt(2, 30_400)])).toBe(timeline);
+  expect(withHeard(timeline, [heardAt(1, 30_400, { text: 'hot' })]).marks).toHaveLength(2);
+});
+
+it('where events are lacking, minutes before the gap stay', () => {
+  const timeline = timelineOf(TO_MS, 10, [{ atMs: TO_MS - 3 * MIN, exact: false }]);
+  const heard = [heardAt(1, 8 * MIN), heardAt(5, MIN)];
+  expect(placesOf(withHeard(timeline, heard).marks)).toEqual([
+    [3 * MIN, false],
+    [MIN, true],
+  ]);
+});
+
+it('what was heard is listed before a segment has it, and once', () => {
+  const recorded = { ...heardAt(1, MIN), atMs: TO_MS - MIN };
+  const source = { segmentsIn: () => [{ events: [recorded] }] } as unknown as PastSource;
+  const span = { fromMs: TO_MS - 2 * MIN, toMs: TO_MS };
+  const heard = [heardAt(0, 3 * MIN), heardAt(1, MIN), heardAt(2, 5000), heardAt(3, 4000, { at: null })];
+  expect(listEvents(source, heard, span).map(({ n, atMs }) => [n, TO_MS - atMs])).toEqual([
+    [1, MIN],
+    [2, 5000],
+  ]);
+});
+
+/** The place of so many seconds ago. */
+const ago = (s: number) => 607 - s;
+
+let past: FakePast;
+let frames: (() => void)[];
+let drafts: (Span | null)[];
+let scrubber: Scrubber;
+
+beforeEach(() => {
+  past = new FakePast(T, timelineOf(T, 10, [{ atMs: T - 300_000 }]));
+  frames = [];
+  drafts = [];
+  scrubber = new Scrubber(
+    past,
+    (run) => {
+      frames.push(run);
+      return () => frames.splice(frames.indexOf(run), 1);
+    },
+    (draft) => drafts.push(draft),
+  );
+});
+
+const press = (xPx: number, how: { shift?: boolean; touch?: boolean } = {}) =>
+  scrubber.down(VIEW, T, { xPx, shift: false, touch: false, ...how });
+const draw = () => {
+  for (const frame of frames.splice(0)) frame();
+};
+
+describe('a tap on the track', () => {
+  it('goes to its moment, and settles there', () => {
+    press(ago(100));
+    scrubber.up(ago(101));
+    expect(past.told).toEqual(['attend', 'scrub 100', 'settle']);
+  });
+
+  it('near a fault goes to two seconds before it', () => {
+    press(ago(292));
+    scrubber.up(ago(292));
+    expect(past.told).toEqual(['attend', 'scrub 302', 'settle']);
+  });
+
+  it('at the right end goes back to live', () => {
+    press(ago(1));
+    scrubber.up(ago(1));
+    expect(past.told.at(-1)).toBe('live');
+    expect(past.told).not.toContain('settle');
+  });
+});
+
+describe('a drag', () => {
+  it('seeks once a frame, and last where it ends', () => {
+    press(ago(100));
+    for (const s of [110, 120, 130]) scrubber.move(ago(s));
+    expect(past.told).toEqual(['attend', 'scrub 100']);
+    draw();
+    scrubber.move(ago(140));
+    scrubber.up(ago(150));
+    expect(past.told).toEqual(['attend', 'scrub 100', 'scrub 130', 'scrub 150', 'settle']);
+    draw();
+    scrubber.move(ago(10));
+    expect(past.told.at(-1)).toBe('settle');
+  });
+
+  it('settles if the system takes it away, and only once', () => {
+    press(ago(100));
+    scrubber.move(ago(200));
+    scrubber.cancel();
+    scrubber.cancel();
+    expect(past.told).toEqual(['attend', 'scrub 100', 'scrub 200', 'settle']);
+    expect(scrubber.held).toBe(false);
+  });
+
+  it('that passes a fault does not snap to it', () => {
+    press(ago(100));
+    scrubber.move(ago(301));
+    scrubber.up(ago(301));
+    expect(past.told).toContain('scrub 301');
+  });
+});
+
+describe('a loop', () => {
+  it('is drawn with Shift in either direction, and begins where it was drawn', () => {
+    press(ago(100), { shift: true });
+    scrubber.move(ago(130));
+    expect(drafts.at(-1)).toEqual({ fromMs: T - 130_000, toMs: T - 100_000 });
+    expect(past.told).toEqual([]);
+    scrubber.up(ago(140));
+    expect(past.told).toEqual(['loop 140 to 100', 'seek 140']);
+    expect(drafts.at(-1)).toBeNull();
+  });
+
+  it('leaves a playhead that is in it where it is', () => {
+    past.rest(120);
+    press(ago(100), { shift: true });
+    scrubber.up(ago(140));
+    expect(past.told).toEqual(['loop 140 to 100']);
+  });
+
+  it('is not made by a click', () => {
+    press(ago(100), { shift: true });
+    scrubber.up(ago(100));
+    expect(past.told).toEqual([]);
+  });
+
+  it('is changed at its ends, which a finger need not hit so well', () => {
+    past.rest(120);
+    past.set({ loop: { fromMs: T - 140_000, toMs: T - 100_000 } });
+    press(ago(150), { touch: true });
+    scrubber.up(ago(160));
+    expect(past.told).toEqual(['loop 160 to 100']);
+    press(ago(91));
+    scrubber.up(ago(91));
+    expect(past.told.slice(1)).toEqual(['attend', 'scrub 91', 'settle']);
   });
 });
