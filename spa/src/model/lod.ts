@@ -1,6 +1,8 @@
-import { isRecord } from './bundle.ts';
+import { BundleError, isRecord } from './bundle.ts';
+import { lodBytes } from './files.ts';
 import { type Accessor, Glb, GlbError, isSize, MAX_UNPACKED_BYTES } from './glb.ts';
 import { transform } from './kinematics.ts';
+import type { LodFile } from './manifest.ts';
 
 /**
  * One level of detail, ready for a few draw calls: all visuals in one set of arrays, each vertex with the index of its "bone"
@@ -300,4 +302,23 @@ function nodeTransform({
     number,
   ];
   return transform([x, y, z], [qw, qx, qy, qz], s);
+}
+
+/** Fetches and reads a level. Rejects with a one-line BundleError that names the file. */
+export async function fetchLevel(
+  file: LodFile,
+  manifestUrl: string,
+  visuals: number,
+  signal: AbortSignal,
+  onBytes: (received: number) => void,
+): Promise<Lod> {
+  const bytes = await lodBytes(file, manifestUrl, signal, onBytes);
+  onBytes(file.bytes);
+  try {
+    return await readLod(bytes, visuals);
+  } catch (cause) {
+    throw new BundleError(`${file.path}: ${cause instanceof Error ? cause.message : String(cause)}`, {
+      cause,
+    });
+  }
 }

@@ -1,14 +1,17 @@
-import { BundleError, isPassing } from '../../model/bundle.ts';
-import { lodBytes, manifestAt } from '../../model/files.ts';
-import { readLod } from '../../model/lod.ts';
+import { manifestAt } from '../../model/files.ts';
+import { fetchLevel } from '../../model/lod.ts';
 import { type Manifest, readManifest } from '../../model/manifest.ts';
 import type { ModelReport } from '../../model/report.ts';
-import { FigureNode, type NodeHost, type OnProgress } from '../figure/figure_node.ts';
+import {
+  FigureNode,
+  type NodeHost,
+  type OnProgress,
+  reportBare,
+  reportModel,
+} from '../figure/figure_node.ts';
 import type { Box } from '../figure/robot_row.ts';
 import { type LightColors, linear } from './colors.ts';
 import { LightRobot } from './robot.ts';
-
-const DRAIN_SECONDS = 0.25;
 
 /** What a robot needs from its light view. */
 export interface LightRobotHost extends NodeHost {
@@ -19,16 +22,10 @@ export interface LightRobotHost extends NodeHost {
 export class LightRobotNode extends FigureNode<LightRobot> {
   readonly #place: LightRobotHost;
   #aside = 0;
-  #grey = 1;
 
   constructor(place: LightRobotHost) {
     super(place);
     this.#place = place;
-  }
-
-  /** How far it has faded to grey, 0…1. */
-  get grey(): number {
-    return this.#grey;
   }
 
   box(): Box | null {
@@ -57,33 +54,17 @@ export class LightRobotNode extends FigureNode<LightRobot> {
     signal.throwIfAborted();
     robot.setTones(this.#place.tones()); // the theme may have changed meanwhile
     this.adopt(robot);
-    const { findings, missing } = robot.manifest;
-    report.joints = [...robot.jointNames];
-    report.findings = findings;
-    report.missing = missing.map(({ uri }) => uri);
-    report.problems.push(...missing.map(({ uri, reason }) => `${uri}: ${reason}`));
+    reportModel(report, robot);
     try {
       await loadShells(robot, manifestUrl, signal, onProgress);
     } catch (cause) {
       signal.throwIfAborted();
-      report.bare = cause instanceof Error ? cause.message : String(cause);
-      if (isPassing(cause)) report.passing = true;
-      report.problems.push(report.bare);
+      reportBare(report, cause);
     }
   }
 
   protected override adopted(figure: LightRobot): void {
     figure.aside = this.#aside;
-  }
-
-  protected override drain(seconds: number): boolean {
-    const left = (this.isOld ? 1 : 0) - this.#grey;
-    if (left === 0) return false;
-    const step = seconds / DRAIN_SECONDS;
-    const there = Math.abs(left) <= step;
-    this.#grey = there ? this.#grey + left : this.#grey + Math.sign(left) * step;
-    this.#place.changed();
-    return !there;
   }
 }
 
@@ -104,12 +85,9 @@ async function loadShells(
   const { levels, visuals }: Manifest = robot.manifest;
   const lowest = levels[0];
   if (lowest === undefined) return;
-  const bytes = await lodBytes(lowest, manifestUrl, signal, (received) => onProgress(received, lowest.bytes));
-  const level = await readLod(bytes, visuals.length).catch((cause: unknown) => {
-    throw new BundleError(`${lowest.path}: ${cause instanceof Error ? cause.message : String(cause)}`, {
-      cause,
-    });
-  });
+  const level = await fetchLevel(lowest, manifestUrl, visuals.length, signal, (received) =>
+    onProgress(received, lowest.bytes),
+  );
   const means = await Promise.all(level.pictures.map(meanColor));
   signal.throwIfAborted();
   robot.wear(level, means);

@@ -1,5 +1,5 @@
 import { prefersReducedMotion } from '../../browser/painting.ts';
-import { RootPose } from '../../model/articulated_body.ts';
+import { type ArticulatedBody, RootPose } from '../../model/articulated_body.ts';
 import { isPassing } from '../../model/bundle.ts';
 import { type LinkLook, linksBeyond, linksMovedBy, type PosedBody, treeOf } from '../../model/posed_body.ts';
 import type { ModelReport } from '../../model/report.ts';
@@ -47,7 +47,9 @@ export interface NodeHost {
   changed(): void;
 }
 
-/** Fading to and from grey takes this long, however few pictures there are. */
+/** How long it fades from colour to grey, s. */
+const FADE_SECONDS = 0.25;
+/** Fading ends after this time, however few pictures there are. */
 const FADED_AFTER_MS = 300;
 
 /** One robot in a view: loads its model, and keeps its pose, its ghost and whether its pose is old. */
@@ -64,6 +66,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   #pose: Pose | null = null;
   #grey = false;
   #isOld = true;
+  #faded = 1;
   /** When `#isOld` last changed, in the browser's frame time, ms. */
   #turnedMs = Number.NEGATIVE_INFINITY;
   /** Its body has not been shown in a pose yet. */
@@ -87,6 +90,11 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
   /** Whether it is shown in grey: its pose is out of date, or there is none. */
   get isOld(): boolean {
     return this.#isOld;
+  }
+
+  /** How far it has faded to grey, 0…1. */
+  get grey(): number {
+    return this.#faded;
   }
 
   /** Its heading, rad from the world's x axis; 0 while there is no model. */
@@ -143,7 +151,7 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     // It never looks old for longer than the fading takes: not in its first picture, nor if pictures are rare.
     const atOnce = this.#unseen || nowMs - this.#turnedMs > FADED_AFTER_MS || prefersReducedMotion();
     if (this.#figure !== null && this.#pose !== null) this.#unseen = false;
-    return this.drain(atOnce ? Number.POSITIVE_INFINITY : seconds) || moving;
+    return this.#fade(atOnce ? Number.POSITIVE_INFINITY : seconds) || moving;
   }
 
   /** The kinematic tree of its model; null until it is loaded. */
@@ -201,17 +209,14 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     report: ModelReport,
   ): Promise<void>;
 
-  /** Advances the fading to or from grey by `seconds` (Infinity: to its end). True while it continues. */
-  protected abstract drain(seconds: number): boolean;
-
   /** Called with a new figure before it is posed and placed. */
   protected adopted(_figure: F): void {}
 
   /** Called when the figure's links have moved. */
   protected moved(_figure: F): void {}
 
-  /** Called when the robot turns grey or coloured again. */
-  protected setOld(_isOld: boolean): void {}
+  /** Called when `grey` has changed. */
+  protected faded(_grey: number): void {}
 
   /** Runs a loading task and cancels the previous one. Its errors go into the report. */
   protected async supersede(
@@ -267,6 +272,18 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     this.#host.placed();
   }
 
+  /** Advances the fading by `seconds` (Infinity: to its end). True while it continues. */
+  #fade(seconds: number): boolean {
+    const goal = this.#isOld ? 1 : 0;
+    const left = goal - this.#faded;
+    if (left === 0) return false;
+    const step = seconds / FADE_SECONDS;
+    this.#faded = Math.abs(left) <= step ? goal : this.#faded + Math.sign(left) * step;
+    this.faded(this.#faded);
+    this.#host.changed();
+    return this.#faded !== goal;
+  }
+
   #show(pose: Pose): void {
     this.#pose = pose;
     this.#updateGrey();
@@ -316,7 +333,6 @@ export abstract class FigureNode<F extends StagedFigure> implements RowMember, M
     if (isOld === this.#isOld) return;
     this.#isOld = isOld;
     this.#turnedMs = performance.now();
-    this.setOld(isOld);
     this.#host.changed();
   }
 }
@@ -331,4 +347,20 @@ function sameSet<T>(a: ReadonlySet<T>, b: ReadonlySet<T>): boolean {
 interface GhostRequest {
   readonly joints: JointValues;
   readonly limbs: readonly string[] | null;
+}
+
+/** Reports what the manifest of a built model says about it. */
+export function reportModel(report: ModelReport, { manifest, jointNames }: ArticulatedBody): void {
+  const { findings, missing } = manifest;
+  report.joints = [...jointNames];
+  report.findings = findings;
+  report.missing = missing.map(({ uri }) => uri);
+  report.problems.push(...missing.map(({ uri, reason }) => `${uri}: ${reason}`));
+}
+
+/** Reports why a robot is shown without meshes. */
+export function reportBare(report: ModelReport, cause: unknown): void {
+  report.bare = cause instanceof Error ? cause.message : String(cause);
+  if (isPassing(cause)) report.passing = true;
+  report.problems.push(report.bare);
 }

@@ -47,7 +47,11 @@ export class RobotSigns {
   read(frame: SignFrame | null): void {
     this.frame = frame;
     this.#on = [];
-    if (frame === null) return;
+    if (frame === null) {
+      this.#schema = null;
+      this.#signs = []; // they forget what they have drawn
+      return;
+    }
     const { schema, settings } = frame;
     if (schema !== this.#schema) {
       this.#schema = schema;

@@ -1,9 +1,9 @@
 import type { Object3D } from 'three';
-import { BundleError, isPassing } from '../../model/bundle.ts';
-import { lodBytes } from '../../model/files.ts';
-import { type Lod, readLod } from '../../model/lod.ts';
-import type { LodFile, Manifest } from '../../model/manifest.ts';
+import { savesData } from '../../browser/late_part.ts';
+import { fetchLevel } from '../../model/lod.ts';
+import type { Manifest } from '../../model/manifest.ts';
 import type { ModelReport } from '../../model/report.ts';
+import { type OnProgress, reportBare, reportModel } from '../figure/figure_node.ts';
 import type { SkinTones } from './skin.ts';
 import { SkinnedRobot } from './skinned_robot.ts';
 import type { StaleEffect } from './stale_effect.ts';
@@ -21,8 +21,6 @@ export interface Stage {
   /** Creates a mark for a mesh that can't be shown. */
   placeholder(): Object3D;
 }
-
-type OnProgress = (receivedBytes: number, totalBytes: number) => void;
 
 /**
  * Loads a built model into the scene step by step: a skeleton at once, then the coarsest level of detail, then the next one when
@@ -54,18 +52,13 @@ export class BuiltRobot {
 
   /** Loads and shows the coarsest level. Errors go into the report; the skeleton moves in any case. */
   async dress(report: ModelReport, onProgress: OnProgress): Promise<void> {
-    report.joints = [...this.#robot.jointNames];
-    report.findings = this.#manifest.findings;
-    report.missing = this.#manifest.missing.map(({ uri }) => uri);
-    report.problems.push(...this.#manifest.missing.map(({ uri, reason }) => `${uri}: ${reason}`));
+    reportModel(report, this.#robot);
     if (this.#manifest.levels.length === 0) return;
     try {
       await this.#wear(0, onProgress);
     } catch (cause) {
       this.#stage.signal.throwIfAborted();
-      report.bare = cause instanceof Error ? cause.message : String(cause);
-      if (isPassing(cause)) report.passing = true;
-      report.problems.push(report.bare);
+      reportBare(report, cause);
       return;
     }
     const next = nextWhenIdle(this.#manifest.levels.length);
@@ -135,31 +128,9 @@ export class BuiltRobot {
   }
 }
 
-/** Fetches and reads a level. Rejects with a one-line BundleError that names the file. */
-async function fetchLevel(
-  file: LodFile,
-  manifestUrl: string,
-  visuals: number,
-  signal: AbortSignal,
-  onBytes: (received: number) => void,
-): Promise<Lod> {
-  const bytes = await lodBytes(file, manifestUrl, signal, onBytes);
-  onBytes(file.bytes);
-  try {
-    return await readLod(bytes, visuals);
-  } catch (cause) {
-    throw new BundleError(`${file.path}: ${cause instanceof Error ? cause.message : String(cause)}`, {
-      cause,
-    });
-  }
-}
-
 /** Index of the level to load automatically: the second coarsest, or the coarsest if the viewer's browser saves data. */
 function nextWhenIdle(levels: number): number {
-  const connection = (navigator as { connection?: { saveData?: boolean; effectiveType?: string } })
-    .connection;
-  if (connection?.saveData === true || /2g/.test(connection?.effectiveType ?? '')) return 0;
-  return Math.min(1, levels - 1);
+  return savesData() ? 0 : Math.min(1, levels - 1);
 }
 
 /** Whether this is a phone, where the finest level would cost too much memory and battery. */

@@ -78,7 +78,6 @@ export class RobotNode extends FigureNode<SkinnedRobot> {
     this.#place = place;
     this.object.add(this.#slot);
     this.staleEffect = new StaleEffect(place.theme().stale);
-    this.staleEffect.advance(Number.POSITIVE_INFINITY);
   }
 
   standAside(y: number): void {
@@ -86,11 +85,6 @@ export class RobotNode extends FigureNode<SkinnedRobot> {
     this.#slot.position.y = y;
     this.#slot.updateMatrixWorld(true);
     this.put();
-  }
-
-  /** How far it has faded to grey, 0…1. */
-  get grey(): number {
-    return this.staleEffect.amount;
   }
 
   /** Whether it is shown with meshes, not just as a skeleton. */
@@ -222,14 +216,8 @@ export class RobotNode extends FigureNode<SkinnedRobot> {
     super.clear();
   }
 
-  protected override setOld(isOld: boolean): void {
-    this.staleEffect.grey = isOld;
-  }
-
-  protected override drain(seconds: number): boolean {
-    if (this.staleEffect.settled) return false;
-    this.#place.changed();
-    return this.staleEffect.advance(seconds);
+  protected override faded(grey: number): void {
+    this.staleEffect.amount = grey;
   }
 }
 

@@ -1,7 +1,6 @@
 import type { Color, WebGLProgramParametersWithUniforms } from 'three';
 import { declare, insertAfter } from './shader_text.ts';
 
-const DRAIN_SECONDS = 0.25;
 const HATCH_CSS_PIXELS = 9;
 
 const DRAIN = `
@@ -22,28 +21,14 @@ export class StaleEffect {
   readonly #amount = { value: 1 };
   readonly #period = { value: HATCH_CSS_PIXELS };
   readonly #tone: { value: Color };
-  #goal = 1;
 
   constructor(tone: Color) {
     this.#tone = { value: tone };
   }
 
-  get grey(): boolean {
-    return this.#goal === 1;
-  }
-
-  set grey(grey: boolean) {
-    this.#goal = grey ? 1 : 0;
-  }
-
-  /** How far it has faded, 0…1. */
-  get amount(): number {
-    return this.#amount.value;
-  }
-
-  /** Whether the fading is complete. */
-  get settled(): boolean {
-    return this.#amount.value === this.#goal;
+  /** How far the robot has faded to grey, 0…1. */
+  set amount(amount: number) {
+    this.#amount.value = amount;
   }
 
   setTone(tone: Color): void {
@@ -52,14 +37,6 @@ export class StaleEffect {
 
   setPixelRatio(ratio: number): void {
     this.#period.value = HATCH_CSS_PIXELS * ratio;
-  }
-
-  /** Advances the fading by `seconds` (Infinity: to its end). True while more ticks are needed. */
-  advance(seconds: number): boolean {
-    const step = seconds / DRAIN_SECONDS;
-    const left = this.#goal - this.#amount.value;
-    this.#amount.value = Math.abs(left) <= step ? this.#goal : this.#amount.value + Math.sign(left) * step;
-    return this.#amount.value !== this.#goal;
   }
 
   /** Adds the effect to a material's shader; call it in `onBeforeCompile`. */

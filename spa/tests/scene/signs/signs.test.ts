@@ -36,7 +36,7 @@ describe('the signs of a robot', () => {
     read({ settings: { ...OFF, shown: 'both' } });
     expect(on(), 'arcs lead to the other pose').toEqual([Deviations]);
     signs.read(null);
-    expect(on()).toEqual([]);
+    expect([on(), signs.drawn]).toEqual([[], {}]);
   });
 
   it('are offered if a robot can have them: none to one that only says where its joints are', () => {

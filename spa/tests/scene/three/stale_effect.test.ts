@@ -2,17 +2,6 @@ import { Color, ShaderLib, type WebGLProgramParametersWithUniforms } from 'three
 import { expect, test } from 'vitest';
 import { StaleEffect } from '../../../src/scene/three/stale_effect.ts';
 
-test('it starts grey, drains in a quarter of a second, and then asks for no more ticks', () => {
-  const staleEffect = new StaleEffect(new Color());
-  staleEffect.advance(Number.POSITIVE_INFINITY);
-  expect(staleEffect.grey).toBe(true);
-  staleEffect.grey = false;
-  expect(staleEffect.advance(0.1)).toBe(true);
-  expect(staleEffect.advance(0.1)).toBe(true);
-  expect(staleEffect.advance(0.1)).toBe(false);
-  expect(staleEffect.advance(0.1)).toBe(false);
-});
-
 test('every material shares the same uniforms, and the shader has the places they are put', () => {
   const staleEffect = new StaleEffect(new Color());
   const shaders = [1, 2].map(() => {
