@@ -19,7 +19,7 @@ DIST  ?= dist
 # more processes than cores, because most tests wait; one that fails on a busy machine is run once more, and reported
 PYTEST := $(BIN)/pytest --reruns 1 -rR --numprocesses 4 --dist worksteal
 PYTHON_NEEDS := for package in redis-server nginx rsync prometheus; do tools/need $$package || exit; done
-E2E    := npm run --silent e2e -w spa -- --retry=1
+E2E    := npm run --silent e2e -w spa --
 
 help: ## list the targets
 	@awk -F':.*## ' '/^[a-z0-9-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' Makefile

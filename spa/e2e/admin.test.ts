@@ -21,8 +21,8 @@ interface Lab {
 }
 
 /** A relay with two robots in its file, one of them on air. */
-async function startLab(): Promise<Lab> {
-  const file = path.join(stage.stack.folder(), 'robots.toml');
+const startLab = stage.share(async (stack): Promise<Lab> => {
+  const file = path.join(stack.folder(), 'robots.toml');
   const robots = (...words: readonly string[]) =>
     execFileSync(path.join(REPO, '.venv/bin/posecast-relay'), ['robots', ...words, '--robots', file], {
       encoding: 'utf8',
@@ -32,10 +32,10 @@ async function startLab(): Promise<Lab> {
   robots('set', 'demo', '--anyone', 'nothing', '--link', 'view=public');
   robots('add', 'arm-in-the-other-hall-behind-the-blue-door', '--private', '--days', '30');
   const secret = robots('admin').trim();
-  const relay = await stage.stack.relay({ robots: file });
-  stage.stack.edge(relay);
+  const relay = await stack.relay({ robots: file });
+  stack.edge(relay);
   return { relay, secret, robots };
-}
+});
 
 const run = (page: Page, script: string) => page.evaluate<string>(script);
 const act = (page: Page, statement: string) => page.evaluate(`(() => { ${statement}; return null; })()`);
@@ -125,8 +125,7 @@ describe('the page /admin', () => {
       ['phone_korean', { width: 360, height: 740 }, 'light', KOREAN, '로봇'],
       ['laptop_light', { width: 1280, height: 800 }, 'light', '', 'Robots'],
     ] as const) {
-      const page = await stage.newPage({ viewport, media: { scheme }, preload });
-      await page.open(`${lab.relay.url}/admin`);
+      const page = await stage.open(`${lab.relay.url}/admin`, { viewport, media: { scheme }, preload });
       await until('the door', holds(page, 'document.activeElement?.id === "credential"'));
       expect(await violations(page), `${name}: the door`).toEqual([]);
       await open(page, lab);

@@ -1,23 +1,13 @@
 import { expect, it } from 'vitest';
 import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { gone, holds, is, tapped, there } from './robot_page.ts';
+import { enter, gone, holds, is, KEEP_SAVED, newestSaved, savedCount, tapped, there } from './robot_page.ts';
 import { DEMO, demoAt, type Moment } from './sign_words.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
 /** The light view draws the same texts, and is faster. */
 const LIGHT = `try { if (localStorage.getItem('posecast.settings') === null) localStorage.setItem('posecast.settings', '{"body":"light"}') } catch {}`;
-/** Records what is saved. */
-const SAVES = `(() => {
-  window.saved = [];
-  const make = URL.createObjectURL;
-  URL.createObjectURL = (blob) => {
-    if (blob.type === 'text/csv') blob.text().then((text) => window.saved.push(text));
-    return make.call(URL, blob);
-  };
-})()`;
-
 const LAPTOP = { width: 1280, height: 800 };
 const STANDING_S = 2;
 const LEANING_S = 58;
@@ -42,14 +32,10 @@ const line = (page: Page) =>
     };
   })()`);
 const says = (page: Page, what: string, words: RegExp) =>
-  until(
-    what,
-    async () => {
-      const now = await line(page);
-      return now !== null && words.test(now.text) ? now : null;
-    },
-    60_000,
-  );
+  until(what, async () => {
+    const now = await line(page);
+    return now !== null && words.test(now.text) ? now : null;
+  });
 const spoken = async (page: Page) => (await page.findByTestId('spoken').text()).replaceAll('\u00a0', ' ');
 
 const INSIDE = /^The centre of mass is \d+ mm inside the area it stands on\.$/;
@@ -60,7 +46,7 @@ const robot = stage.share(async (stack) => {
 });
 const watched = stage.share(async (_, newPage) => {
   const { relay } = await robot();
-  const page = await newPage({ preload: `${LIGHT};${SAVES}`, viewport: LAPTOP });
+  const page = await newPage({ preload: `${LIGHT};${KEEP_SAVED}`, viewport: LAPTOP });
   await page.open(`${relay.url}/#/r/demo`);
   return page;
 });
@@ -70,7 +56,7 @@ async function standing() {
   const { relay, source } = await robot();
   source.write(JSON.stringify(demoAt(STANDING_S)));
   const page = await watched();
-  await until('it stands', is(page, 'LIVE', 'HOLDING'), 60_000);
+  await until('it stands', is(page, 'LIVE', 'HOLDING'));
   await says(page, 'inside', INSIDE);
   return { relay, source, page };
 }
@@ -78,8 +64,7 @@ async function standing() {
 it('on a laptop the sentence stands on one line, in the middle of the body', async () => {
   const { relay, source } = await robot();
   source.write(JSON.stringify(demoAt(LEANING_S)));
-  const page = await stage.newPage({ viewport: { width: 1440, height: 900 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1440, height: 900 } });
   await says(page, 'inside', /inside the area/);
   await until('roll and pitch', holds(page, `document.querySelector('.stage-level')?.offsetWidth > 0`));
   const [height, off] = await page.evaluate<[number, number]>(`(() => {
@@ -99,15 +84,11 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
     return now?.level === 'ok' ? now : null;
   });
   expect([first.level, first.kind]).toEqual(['ok', 'inside']);
-  await until(
-    'said aloud',
-    async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)),
-    30_000,
-  );
+  await until('said aloud', async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)));
   await page.screenshot('balance-words.png');
 
   source.write(JSON.stringify(demoAt(LEANING_S)));
-  await until('amber', async () => (await line(page))?.level === 'caution', 30_000);
+  await until('amber', async () => (await line(page))?.level === 'caution');
   expect((await line(page))?.text).toMatch(INSIDE);
 
   source.write(JSON.stringify(without('LF', moment)));
@@ -117,7 +98,7 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
     /^It would fall to its left: the centre of mass is \d+ mm outside\.$/,
   );
   expect(falls.level).toBe('fault');
-  await until('said aloud', async () => /It would fall to its left/.test(await spoken(page)), 30_000);
+  await until('said aloud', async () => /It would fall to its left/.test(await spoken(page)));
 
   source.write(JSON.stringify(without('LF', without('RF', moment))));
   await says(page, 'no foot', /^No foot bears weight\.$/);
@@ -132,7 +113,7 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
   source.write(JSON.stringify(without('LF', without('RF', moment))));
   await says(page, 'no foot again', /^No foot bears weight\.$/);
   source.signal('SIGSTOP');
-  await until('STALE', is(page, 'STALE'), 30_000);
+  await until('STALE', is(page, 'STALE'));
   await says(page, 'the past tense', /^No foot bore weight\.$/);
   expect((await line(page))?.level).toBe('old');
   source.signal('SIGCONT');
@@ -186,8 +167,10 @@ it('its margin goes into a plot with all of the minute, into the table that is s
   await until('a number', async () => /^\d+\.\d$/.test(await value()));
   await page.screenshot('balance-plot.png');
   const csv = await until('a table of several margins', async () => {
+    const before = await savedCount(page);
     await page.findByTestId('plot-csv').click();
-    const saved = await page.evaluate<string>("window.saved.at(-1) ?? ''");
+    await until('it is saved', async () => (await savedCount(page)) > before);
+    const saved = new TextDecoder().decode((await newestSaved(page)).bytes);
     return saved.split('\r\n').filter((row) => /,\d+(\.\d+)?$/.test(row)).length > 5 ? saved : null;
   });
   expect(csv.split('\r\n')[0]).toBe('"time","Balance: margin [mm]"');
@@ -195,13 +178,7 @@ it('its margin goes into a plot with all of the minute, into the table that is s
   const low = '[data-testid="limit-balance-margin"] .number-field:nth-of-type(1) input';
   await page.findByRole('button', 'Settings').click();
   await until('limits', holds(page, `document.querySelector(${JSON.stringify(low)}) !== null`));
-  await page.evaluate(`(() => {
-    const field = document.querySelector(${JSON.stringify(low)});
-    field.closest('details').open = true;
-    const set = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set;
-    set.call(field, '99');
-    field.dispatchEvent(new Event('input', { bubbles: true }));
-  })()`);
+  await enter(page, `document.querySelector(${JSON.stringify(low)})`, '99');
   await page.screenshot('balance-limits.png');
   await page.press('Escape');
   await until('red by that limit', async () => (await line(page))?.level === 'fault');
@@ -248,6 +225,6 @@ it('large where it is presented, slim in a frame, short beside others; how much 
     page.evaluate<string>(
       `document.querySelector('[data-testid=line-demo] .balance-line')?.textContent ?? ''`,
     );
-  await until('beside others', async () => /^\d+\u00a0mm inside$/.test(await brief()), 60_000);
+  await until('beside others', async () => /^\d+\u00a0mm inside$/.test(await brief()));
   await page.screenshot('balance-row.png');
 });

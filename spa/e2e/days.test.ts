@@ -7,7 +7,7 @@ import { Month } from '../tests/rigs/past_month.ts';
 import { violations } from './axe.ts';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { chipText, holds, is, testId, whole } from './robot_page.ts';
+import { chipText, enter, holds, is, testId, whole } from './robot_page.ts';
 import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -20,14 +20,6 @@ const has = (page: Page, selector: string) => () =>
   page.evaluate<boolean>(`document.querySelector('${selector}') !== null`);
 const text = (page: Page, id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
 const momentMs = (page: Page) => page.evaluate<number | null>('window.posecast.twin.moment_ms');
-
-/** Fills a field the way a person types. */
-const type = (page: Page, id: string, value: string) =>
-  page.evaluate(`(() => {
-    const field = ${testId(id)};
-    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(field, '${value}');
-    field.dispatchEvent(new Event('input', { bubbles: true }));
-  })()`);
 
 const DAY_MS = 86_400_000;
 const MIN_MS = 60_000;
@@ -55,36 +47,32 @@ const watched = stage.share(async (_, newPage) => {
   );
   const page = await newPage({ viewport: LAPTOP });
   await page.open(`${relay.url}/#/r/demo`);
-  await until('a body', () => whole(page), 60_000);
+  await until('a body', () => whole(page));
   return page;
 });
 
 /** The demo robot's page, live, with some seconds to look back on. */
 async function visit(): Promise<Page> {
   const page = await watched();
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
   const long = `(() => { const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${LONG_ENOUGH_S}; })()`;
-  await until(`${LONG_ENOUGH_S} s on the line`, holds(page, long), 60_000);
+  await until(`${LONG_ENOUGH_S} s on the line`, holds(page, long));
   return page;
 }
 
 /** Some complete segments that a relay has recorded, and their schema. */
 async function taken(relay: Relay): Promise<{ segments: Segment[]; schemaText: string }> {
   const bytes = async (route: string) => new Uint8Array(await (await fetch(relay.url + route)).arrayBuffer());
-  const found = await until(
-    'four segments',
-    async () => {
-      const { to_ms } = (await relay.json(PAST)) as Summary;
-      if (to_ms === null) return null;
-      const ten = `${new Date(to_ms).toISOString().slice(0, 15)}0Z`;
-      const page = (await relay.json(`${PAST}/public/${ten}`)) as {
-        segments: { take: string; index: number; frames: number }[];
-      };
-      const whole = page.segments.filter(({ frames }) => frames > 100);
-      return whole.length >= 4 ? whole : null;
-    },
-    90_000,
-  );
+  const found = await until('four segments', async () => {
+    const { to_ms } = (await relay.json(PAST)) as Summary;
+    if (to_ms === null) return null;
+    const ten = `${new Date(to_ms).toISOString().slice(0, 15)}0Z`;
+    const page = (await relay.json(`${PAST}/public/${ten}`)) as {
+      segments: { take: string; index: number; frames: number }[];
+    };
+    const whole = page.segments.filter(({ frames }) => frames > 100);
+    return whole.length >= 4 ? whole : null;
+  });
   const segments: Segment[] = [];
   for (const { take, index } of found!)
     segments.push(decodeSegment(await bytes(`${PAST}/public/${take}/${index}`)));
@@ -114,31 +102,25 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
   const robots = path.join(stage.stack.folder(), 'robots.toml');
   const policy = '[robots.demo]\nkeep = "30d"\n[robots.demo.anyone]\npast = "30d"\n';
   writeFileSync(robots, policy, { mode: 0o600 });
-  const relay = await stage.stack.relay({ past: `file://${folder}`, robots });
-  stage.stack.edge(relay);
-  await until(
-    'twenty days',
-    async () => {
-      const { from_ms } = (await relay.json(PAST)) as Summary;
-      return from_ms !== null && from_ms < nowMs - 19 * DAY_MS;
-    },
-    60_000,
-  );
+  const relay = await stage.stack.demo({ past: `file://${folder}`, robots });
+  await until('twenty days', async () => {
+    const { from_ms } = (await relay.json(PAST)) as Summary;
+    return from_ms !== null && from_ms < nowMs - 19 * DAY_MS;
+  });
 
-  const page = await stage.newPage({ viewport: LAPTOP });
-  await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', is(page, 'LIVE'), 60_000);
-  await until('a body', () => whole(page), 60_000);
-  await until('a line', has(page, '.track-ticks text'), 60_000);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: LAPTOP });
+  await until('LIVE', is(page, 'LIVE'));
+  await until('a body', () => whole(page));
+  await until('a line', has(page, '.track-ticks text'));
   const days = () => page.requested.filter((url) => /past\/public\/\d{4}-\d\d-\d\d$/.test(url)).length;
   expect(days(), 'of twenty days those that three hours touch').toBeLessThanOrEqual(2);
 
   // two taps
   await page.press('g');
   const hour = `[...document.querySelectorAll('.moment-hours button')].findLast((each) => each.ariaLabel.includes('yesterday'))`;
-  await until('an hour of yesterday', holds(page, `${hour} !== undefined`), 30_000);
+  await until('an hour of yesterday', holds(page, `${hour} !== undefined`));
   await page.evaluate(`${hour}.click()`);
-  await until('PAST', is(page, 'PAST'), 30_000);
+  await until('PAST', is(page, 'PAST'));
   await until('yesterday', async () => {
     const agoMs = nowMs - ((await momentMs(page)) ?? nowMs);
     return agoMs > DAY_MS - MIN_MS && agoMs < DAY_MS + 17 * MIN_MS;
@@ -162,14 +144,10 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
   await page.evaluate(`document.querySelectorAll('.moment-ways input')[1].click()`);
   const row = `[...document.querySelectorAll('.incidents li button')].find((each) => /for 3.5 s/.test(each.textContent))`;
-  await until(
-    'a fault of then',
-    async () => {
-      await page.evaluate(`document.querySelector('[data-testid="more-incidents"]')?.click()`);
-      return page.evaluate<boolean>(`${row} !== undefined`);
-    },
-    30_000,
-  );
+  await until('a fault of then', async () => {
+    await page.evaluate(`document.querySelector('[data-testid="more-incidents"]')?.click()`);
+    return page.evaluate<boolean>(`${row} !== undefined`);
+  });
   await page.evaluate(`${row}.click()`);
   await until('what led to it', async () => {
     const atMs = (await momentMs(page)) ?? 0;
@@ -228,7 +206,7 @@ it('one goes to a moment by its time, to an hour by two taps, and by the keyboar
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
   await until('today, with an hour of it', has(page, '.moment-hours button'));
   const clock = new Date(wantedMs).toTimeString().slice(0, 8);
-  await type(page, 'moment-time', clock);
+  await enter(page, testId('moment-time'), clock);
   await until(
     'it was recorded',
     async () => (await text(page, 'moment-hint')) === 'This moment was recorded.',
@@ -243,7 +221,7 @@ it('one goes to a moment by its time, to an hour by two taps, and by the keyboar
   // the clock time of then leads there too
   await page.evaluate(`document.querySelector('.transport-moment').click()`);
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
-  await type(page, 'moment-date', '2001-02-03');
+  await enter(page, testId('moment-date'), '2001-02-03');
   await until('the oldest', async () => /^That is no longer kept/.test(await text(page, 'moment-hint')));
   await page.evaluate(`document.querySelector('.moment-hours button').click()`);
   await until('the oldest of that hour', async () => (await momentMs(page))! < wantedMs);
@@ -259,7 +237,7 @@ it('the last faults are listed, and lead to two seconds before', async () => {
   await page.findByTestId('jump').click();
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
   await page.evaluate(`document.querySelectorAll('.moment-ways input')[1].click()`);
-  await until('a fault', has(page, '.incidents li button'), 30_000);
+  await until('a fault', has(page, '.incidents li button'));
   await until('nothing is looked for', async () => {
     const said = await page.evaluate<string>(
       `document.querySelector('.incidents [role=status]').textContent`,

@@ -12,11 +12,10 @@ describe('a deployed cloud', () => {
     if (CLOUD === null) return context.skip('make compose-test starts one');
     if (engineName() !== 'chromium')
       context.skip('only Chromium takes a certificate of an unknown authority');
-    const page = await stage.newPage({ preload: RECORD });
-    await page.open(`${CLOUD.url}/`);
+    const page = await stage.open(`${CLOUD.url}/`, { preload: RECORD });
     await page.findByRole('link', /demo/i).click();
     await until('LIVE', is(page, 'LIVE', 'HOLDING'));
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', () => hasSkin(page));
     const first = (await shownSeq(page)) ?? -1;
     await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > first + 30);
     await until('numbers that move', async () => {

@@ -56,8 +56,7 @@ it('columns, units, flags and sensors explain themselves when they are pressed, 
     { width: 360, height: 640 },
     { width: 1280, height: 800 },
   ]) {
-    const page = await stage.newPage({ viewport });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { viewport });
     await until('LIVE', is(page, 'LIVE'));
     await asks(page, '.joints thead .c-pos .term', /^pos\|Where the joint is\..*rad.*6\.28 rad.*\|$/s);
     expect(
@@ -82,8 +81,7 @@ it('columns, units, flags and sensors explain themselves when they are pressed, 
 
 it('joints are named in plain words where the settings say so', async () => {
   const relay = await jammed();
-  const page = await stage.newPage();
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`);
   await until('LIVE', is(page, 'LIVE'));
   const name = () =>
     page.evaluate<string>(`document.querySelector('tr[data-label="RKN"] th button')?.textContent ?? ''`);
@@ -123,12 +121,11 @@ it('an arrow that moves explains itself, green and all, by a tap 15 px beside it
   const arm = { pos: { RSP: [0.35, 0.15] }, ftf: { 'RH.fz': [3, 0.3] } };
   const moment = demoAt(2);
   stage.stack.fedEdge(relay, { ...moment, ftf: { ...moment.ftf, 'RH.fx': 12 }, wave: arm }, DEMO);
-  const page = await stage.newPage({ viewport: { width: 1280, height: 800 } });
-  await page.open(`${relay.url}/#/r/demo`);
-  await until('shells', () => finest(page), 60_000);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1280, height: 800 } });
+  await until('shells', () => finest(page));
   await until('arrows', async () => (await signs(page)).wrenches.length === 4);
   const seen: Point[] = [];
-  for (let moment = 0; moment < 4; moment++) {
+  for (let moment = 0; moment < 2; moment++) {
     await tapped(
       'its explanation',
       async () => {

@@ -4,7 +4,7 @@ import path from 'node:path';
 import { expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { holds, liveness, testId, textOf, there } from './robot_page.ts';
+import { holds, KEEP_SAVED, liveness, newestSaved, testId, textOf, there } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
 
@@ -13,15 +13,6 @@ const stage = setStage({ webgl: false });
 const TUTORIAL = readFileSync(path.join(REPO, 'docs/tutorials/find-the-fault.md'), 'utf8');
 /** The fault occurs 40 s after the robot goes on air. */
 const FAULT_MS = 120_000;
-/** Records files that the page saves: not every driver can find a download. */
-const CATCH_DOWNLOAD = `(() => {
-  const make = URL.createObjectURL;
-  URL.createObjectURL = (blob) => {
-    window.saved = blob;
-    return make.call(URL, blob);
-  };
-})()`;
-
 const momentOf = async (page: Page) =>
   /[?&]t=([\d:.TZ-]+)/.exec(await page.evaluate<string>('location.href'))?.[1];
 
@@ -38,16 +29,17 @@ async function press(page: Page, key: string): Promise<void> {
 
 async function shows(page: Page, word: string): Promise<void> {
   told(`**${word}**`);
-  await until(word, async () => (await liveness(page)) === word, 60_000);
+  await until(word, async () => (await liveness(page)) === word);
 }
 
 it('the tutorial finds the fault, looks back at it, links to it and saves it', async (context) => {
   if (!FULL) context.skip('make test-full plays it');
   stage.needs(context, 'files');
-  const relay = await stage.stack.relay({ past: 'memory:' });
-  stage.stack.edge(relay);
-  const page = await stage.newPage({ preload: CATCH_DOWNLOAD, viewport: { width: 1366, height: 768 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const relay = await stage.stack.demo({ past: 'memory:' });
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
+    preload: KEEP_SAVED,
+    viewport: { width: 1366, height: 768 },
+  });
   await shows(page, 'LIVE');
 
   const alarm = new RegExp([told('Right knee is blocked'), told('Right knee is not where')].join('|'));
@@ -60,7 +52,7 @@ it('the tutorial finds the fault, looks back at it, links to it and saves it', a
 
   told("Press the fault's time in the card");
   const time = `${testId('joint-card')}?.querySelector('button time')`;
-  await until('a past to go to', holds(page, `${time} != null`), 60_000);
+  await until('a past to go to', holds(page, `${time} != null`));
   await page.evaluate(`${time}.parentElement.click()`);
   await shows(page, 'PAST');
   await press(page, 'Space');
@@ -82,18 +74,14 @@ it('the tutorial finds the fault, looks back at it, links to it and saves it', a
   await press(page, 'X');
   await until('the sheet', there(page, 'save'));
   await page.evaluate(`${testId(`save-${told('**Posecast**').replaceAll('*', '').toLowerCase()}`)}.click()`);
-  await until('measured', holds(page, `${testId('save-go')}?.disabled === false`), 30_000);
+  await until('measured', holds(page, `${testId('save-go')}?.disabled === false`));
   await page.evaluate(`${testId('save-go')}.click()`);
-  await until('saved', async () => /^Saved: .*\.posecast/.test(await textOf(page, 'save-outcome')), 60_000);
-  const bytes = await page.evaluate<string>(`new Promise((resolve) => {
-    const reader = new FileReader();
-    reader.onload = () => resolve(reader.result.slice(reader.result.indexOf(',') + 1));
-    reader.readAsDataURL(window.saved);
-  })`);
+  await until('saved', async () => /^Saved: .*\.posecast/.test(await textOf(page, 'save-outcome')));
+  const { bytes } = await newestSaved(page);
   const folder = mkdtempSync(path.join(tmpdir(), 'posecast-'));
   try {
     const file = path.join(folder, 'fault.posecast');
-    writeFileSync(file, Buffer.from(bytes, 'base64'));
+    writeFileSync(file, bytes);
     await page.press('Escape');
     await page.dropFiles({ x: 400, y: 300 }, [file]);
     await shows(page, 'RECORDED');

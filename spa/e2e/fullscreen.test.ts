@@ -11,13 +11,11 @@ const NONE = `Object.defineProperty(Document.prototype, 'fullscreenEnabled', { g
 delete Element.prototype.requestFullscreen;`;
 
 async function opened(preload?: string): Promise<Page> {
-  const relay = await stage.stack.relay();
-  stage.stack.edge(relay);
-  const page = await stage.newPage({
+  const relay = await stage.stack.demo();
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
     viewport: { width: 390, height: 844 },
     ...(preload === undefined ? {} : { preload }),
   });
-  await page.open(`${relay.url}/#/r/demo`);
   await until('LIVE', is(page, 'LIVE', 'HOLDING'));
   return page;
 }

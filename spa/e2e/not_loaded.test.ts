@@ -5,18 +5,13 @@ import { is } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 const KOREAN = `Object.defineProperty(navigator, 'language', { value: 'ko-KR' })`;
 
 describe('a page that is opened while its proxy restarts', () => {
   let gate: Gate;
   beforeEach(async () => {
-    gate = await Gate.open((await demo()).port);
+    gate = await Gate.open((await stage.demo()).port);
   });
   afterEach(() => gate.close());
 
@@ -36,12 +31,12 @@ describe('a page that is opened while its proxy restarts', () => {
     const page = await stage.newPage({ preload });
     page.forgive(/status of 502|MIME type/);
     await page.open(`${gate.url}${at}`);
-    await until('it says so', async () => sentence.test(await page.text()), 30_000);
+    await until('it says so', async () => sentence.test(await page.text()));
     await page.screenshot(`not-loaded-${name.replaceAll(' ', '-')}.png`);
     const before = page.requested.length;
-    await until('it tries again', async () => page.requested.length > before, 30_000);
+    await until('it tries again', async () => page.requested.length > before);
     gate.answer = () => null;
-    await until('LIVE', is(page, 'LIVE'), 90_000);
+    await until('LIVE', is(page, 'LIVE'));
     expect(await page.text()).not.toMatch(sentence);
   });
 
@@ -52,11 +47,10 @@ describe('a page that is opened while its proxy restarts', () => {
       refused += 1;
       return refused > 1 ? null : 'reset';
     };
-    const page = await stage.newPage();
-    await page.open(`${gate.url}/#/r/demo`);
+    const page = await stage.open(`${gate.url}/#/r/demo`);
     const chip = `getComputedStyle(document.querySelector('.robot-page')).display`;
-    await until('LIVE', is(page, 'LIVE'), 60_000);
-    await until('its looks', async () => (await page.evaluate<string>(chip)) !== 'block', 60_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('its looks', async () => (await page.evaluate<string>(chip)) !== 'block');
     expect(refused).toBe(2);
   });
 });

@@ -28,8 +28,10 @@ it('a board that falls silent, another set of joints and names that bite: table,
   const relay = await stage.stack.relay();
   const sample = { pos: { RKN: 0.4, LKN: 0.2, REB: 0.1 }, cur: { RKN: 1.5, LKN: 1, REB: 1 } };
   const first = stage.stack.fedEdge(relay, sample);
-  const page = await stage.newPage({ preload: NO_STORAGE, viewport: { width: 1280, height: 800 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
+    preload: NO_STORAGE,
+    viewport: { width: 1280, height: 800 },
+  });
   await until('rows', async () => (await rows(page)).length === 3);
   await page.findByTestId('filter').type('kn');
   await until('filtered', async () => (await rows(page)).toSorted().join() === 'LKN,RKN');
@@ -58,7 +60,7 @@ it('a board that falls silent, another set of joints and names that bite: table,
   const odd = ['<img src=x onerror="window.bitten=true">', '__proto__', '=1+1', `LKN${'x'.repeat(190)}`];
   const values = (value: number) => Object.fromEntries(odd.map((name) => [name, value]));
   stage.stack.fedEdge(relay, { pos: values(0.5), cur: values(2) });
-  await until('the filter holds', async () => (await rows(page)).join() === odd[3], 30_000);
+  await until('the filter holds', async () => (await rows(page)).join() === odd[3]);
   await until('the card says so', async () =>
     (await text(page, '[data-testid=joint-card]')).includes('This robot has no such joint now.'),
   );
@@ -103,14 +105,13 @@ it('a robot without a model plots itself; its skeleton takes that place, can be 
   const at = (z: number) => ({ base: { 'base.x': 0, 'base.y': 0, 'base.z': z }, baseq: upright });
   const moving = { pos, ...at(0), wave: { pos: { bend: [0.5, 0.5] } } };
   const first = stage.stack.fedEdge(relay, moving);
-  const page = await stage.newPage({ viewport: { width: 1280, height: 800 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1280, height: 800 } });
   await page.evaluate('window.sameDocument = true');
   const legend = () =>
     page.evaluate<string[]>(
       `[...document.querySelectorAll('[data-testid=own-trace]')].map((entry) => entry.dataset.label)`,
     );
-  await until('what moves is among the first', async () => (await legend()).includes('bend'), 30_000);
+  await until('what moves is among the first', async () => (await legend()).includes('bend'));
   expect(await text(page, '[data-testid=self-plots]')).toContain('--urdf FILE');
   await page.viewport({ width: 390, height: 844 });
   const flagLines = `document.querySelector('.self-plots-say code').lastChild.getClientRects().length`;
@@ -125,7 +126,7 @@ it('a robot without a model plots itself; its skeleton takes that place, can be 
   writeFileSync(urdf, BARE_ARM);
   const { source } = stage.stack.fedEdge(relay, moving, { urdf });
   const scene = <T>(code: string) => page.evaluate<T>(`window.posecast.scene${code}`);
-  await until('its skeleton', () => scene<boolean>('?.triangles > 500'), 90_000);
+  await until('its skeleton', () => scene<boolean>('?.triangles > 500'));
   expect(await page.findByTestId('self-plots').count()).toBe(0);
   expect(await page.evaluate<boolean>('window.sameDocument')).toBe(true);
   const tapped = `(() => {

@@ -4,7 +4,7 @@ import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import { chipText, holds, is, liveness, RECORD, testId, whole } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
-import { ClockRobot, shown, WITNESS } from './truth.ts';
+import { ClockRobot, shown, stepToFrame, WITNESS } from './truth.ts';
 
 const stage = setStage();
 
@@ -22,7 +22,6 @@ async function rewindable(page: Page, seconds: number): Promise<void> {
       `(() => {
           const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds}; })()`,
     ),
-    60_000,
   );
 }
 
@@ -40,10 +39,9 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
   async (viewport) => {
     const relay = await stage.stack.relay({ past: 'memory:' });
     const robot = new ClockRobot(stage.stack, relay);
-    const page = await stage.newPage({ preload: `${RECORD};${WITNESS}`, viewport });
-    await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', is(page, 'LIVE'), 60_000);
-    await until('a body', () => whole(page), 60_000);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: `${RECORD};${WITNESS}`, viewport });
+    await until('LIVE', is(page, 'LIVE'));
+    await until('a body', () => whole(page));
     await rewindable(page, 12);
     await page.screenshot(`time-line-${viewport.width}.png`);
 
@@ -62,15 +60,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     await until('it rests, at the pose of its moment', rests);
     await page.screenshot(`past-${viewport.width}.png`);
 
-    // frame by frame
-    const { seq } = await shown(page);
-    await page.press('.');
-    await until('the next frame', async () => (await shown(page)).seq === seq + 1);
-    await page.press('.');
-    await until('the next but one', async () => (await shown(page)).seq === seq + 2);
-    await page.press(',');
-    await until('the one before', async () => (await shown(page)).seq === seq + 1);
-    expect((await shown(page)).offMs).toBeLessThan(NEAR_MS);
+    expect((await stepToFrame(page)).offMs).toBeLessThan(NEAR_MS);
 
     // a link to the moment
     const link = await until('a moment in the address', async () => {
@@ -80,9 +70,13 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     });
     const other = await stage.newPage({ viewport });
     await other.open(link!);
-    await until('PAST', is(other, 'PAST'), 60_000);
-    await until('a body', () => whole(other), 60_000);
-    await until('the same frame', async () => (await shown(other)).seq === (await shown(page)).seq);
+    await until('PAST', is(other, 'PAST'));
+    await until('a body', () => whole(other));
+    await until('the same frame', async () => {
+      const [here, there] = [await shown(page), await shown(other)];
+      if (here.seq !== there.seq) throw new Error(JSON.stringify([here, there, link]));
+      return true;
+    });
     await other.close();
 
     // live, past and live again
@@ -119,10 +113,9 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
 it('a moment has its link while presented, and one that can’t be shown is named', async () => {
   const relay = await stage.stack.relay({ past: 'memory:' });
   new ClockRobot(stage.stack, relay);
-  const page = await stage.newPage({ viewport: LAPTOP });
-  await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', is(page, 'LIVE'), 60_000);
-  await until('a body', () => whole(page), 60_000);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: LAPTOP });
+  await until('LIVE', is(page, 'LIVE'));
+  await until('a body', () => whole(page));
   await rewindable(page, 12);
   const text = (id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
   const address = () => page.evaluate<string>('location.href');
@@ -161,32 +154,26 @@ it('a moment has its link while presented, and one that can’t be shown is name
   const link = (t: string) => `${relay.url}/#/r/demo?t=${t}`;
   const old = /[123] Jan (2026 )?.*is no longer kept; this is the oldest moment, \d\d:\d\d:\d\d/;
   await page.open(link('2026-01-02T12:00:00.000Z'));
-  await until('the banner names it', async () => old.test(await text('stage-note')), 60_000);
+  await until('the banner names it', async () => old.test(await text('stage-note')));
   expect(await text('past-note')).toMatch(old);
   await page.open('about:blank');
   await page.open(link('2199-01-02T12:00:00.000Z'));
-  await until('it has not come', async () => /2199.*in the future/.test(await text('past-note')), 60_000);
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('it has not come', async () => /2199.*in the future/.test(await text('past-note')));
+  await until('LIVE', is(page, 'LIVE'));
   await page.open('about:blank');
   await page.open(link('hello'));
-  await until(
-    'no moment',
-    async () => /moment in this link can’t be read/.test(await text('past-note')),
-    60_000,
-  );
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('no moment', async () => /moment in this link can’t be read/.test(await text('past-note')));
+  await until('LIVE', is(page, 'LIVE'));
 }, 240_000);
 
 it('a link to a moment says so where there is no past, and shows what is live', async () => {
-  const relay = await stage.stack.relay({ past: '0' });
-  stage.stack.edge(relay);
-  const page = await stage.newPage({ viewport: PHONE });
-  await page.open(`${relay.url}/#/r/demo?t=2026-11-22T14:02:07.250Z`);
+  const relay = await stage.stack.demo({ past: '0' });
+  const page = await stage.open(`${relay.url}/#/r/demo?t=2026-11-22T14:02:07.250Z`, { viewport: PHONE });
   await until('it is said', async () =>
     /moment in this link/.test(
       (await page.evaluate<string>(`${testId('past-note')}?.textContent ?? ''`)) ?? '',
     ),
   );
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
   await page.close();
 });

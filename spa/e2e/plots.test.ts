@@ -1,7 +1,7 @@
 import { expect, it } from 'vitest';
 import type { Page, Point } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { holds, shownSeq } from './robot_page.ts';
+import { holds, KEEP_SAVED, newestSaved, savedCount, shownSeq } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
@@ -12,16 +12,6 @@ const WALKS = {
   ftf: { 'RF.fz': 300 },
   wave: { pos: { RKN: [0.4, 0.3], LKN: [0.2, 0.3] }, ftf: { 'RF.fz': [200, 0.5] } },
 };
-
-/** Records what is saved. */
-const SAVES = `(() => {
-  window.saved = [];
-  const make = URL.createObjectURL;
-  URL.createObjectURL = (blob) => {
-    if (blob.type === 'text/csv') blob.text().then((text) => window.saved.push(text));
-    return make.call(URL, blob);
-  };
-})()`;
 
 const middleOf = (page: Page, selector: string) =>
   until(selector, () =>
@@ -41,8 +31,10 @@ const named = async (page: Page) => (await traces(page)).map(([name]) => name);
 async function opened(): Promise<Page> {
   const relay = await stage.stack.relay();
   stage.stack.fedEdge(relay, WALKS, { profile: 'demo' });
-  const page = await stage.newPage({ preload: SAVES, viewport: { width: 1280, height: 800 } });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, {
+    preload: KEEP_SAVED,
+    viewport: { width: 1280, height: 800 },
+  });
   await until('numbers', async () => (await shownSeq(page)) !== null);
   return page;
 }
@@ -109,11 +101,9 @@ it.skipIf(!FULL)(
     );
 
     await page.findByTestId('plot-csv').click();
-    const [csv] = await until('a table', async () => {
-      const saved = await page.evaluate<string[]>('window.saved');
-      return saved.length > 0 ? saved : null;
-    });
-    const [head = '', ...rows] = (csv ?? '').trim().split('\r\n');
+    await until('a table', async () => (await savedCount(page)) > 0);
+    const csv = new TextDecoder().decode((await newestSaved(page)).bytes);
+    const [head = '', ...rows] = csv.trim().split('\r\n');
     for (const title of ['"time"', '"RKN error [rad]"', '"RKN pos [rad]"', '"right foot Fz [N]"'])
       expect(head.split(',')).toContain(title);
     expect(rows.length).toBeGreaterThan(5);

@@ -6,14 +6,9 @@ import { hasSkin, holds, is } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 it('a frame without an origin shows the robot of another site', async () => {
-  const relay = await demo();
+  const relay = await stage.demo();
   const host = await Host.open(stage.stack.folder());
   try {
     host.instead.set(
@@ -26,8 +21,8 @@ it('a frame without an origin shows the robot of another site', async () => {
     const page = await stage.newPage();
     page.allow(relay.host);
     await page.open(`${host.url}/`);
-    await until('LIVE', holds(page, `words.includes('null LIVE')`), 60_000);
-    await until('the meshes', async () => page.requested.some((url) => /\/model\/.*\.glb/.test(url)), 60_000);
+    await until('LIVE', holds(page, `words.includes('null LIVE')`));
+    await until('the meshes', async () => page.requested.some((url) => /\/model\/.*\.glb/.test(url)));
     await page.screenshot('sandboxed-frame.png');
   } finally {
     await host.close();
@@ -36,15 +31,14 @@ it('a frame without an origin shows the robot of another site', async () => {
 
 /** As inside such a frame, into which a driver can't look. */
 it('a page without an origin has its numbers and its body', async () => {
-  const relay = await demo();
+  const relay = await stage.demo();
   const gate = await Gate.open(relay.port);
   gate.documentHeaders = { 'content-security-policy': 'sandbox allow-scripts' };
   try {
-    const page = await stage.newPage();
-    await page.open(`${gate.url}/embed/demo`);
+    const page = await stage.open(`${gate.url}/embed/demo`);
     expect(await page.evaluate<string>('origin')).toBe('null');
-    await until('LIVE', is(page, 'LIVE'), 60_000);
-    await until('its body', () => hasSkin(page), 60_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('its body', () => hasSkin(page));
     await page.screenshot('sandboxed-page.png');
   } finally {
     await gate.close();

@@ -2,7 +2,7 @@ import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
 import type { Process } from './process.ts';
-import { body, drawsNothing, finest, gone, holds, is, renderedFrames, there } from './robot_page.ts';
+import { body, drawsNothing, enter, finest, gone, holds, is, renderedFrames, there } from './robot_page.ts';
 import { choose, DEMO, demoAt, FAULT, labels, shown, signs } from './sign_words.ts';
 import type { Relay, Sample } from './stack.ts';
 import { FULL, setStage } from './stage.ts';
@@ -27,15 +27,14 @@ async function standing(
 ): Promise<{ relay: Relay; source: Process; page: Page }> {
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, sample, DEMO);
-  const page = await stage.newPage({ preload });
-  await page.open(`${relay.url}/#/r/demo`);
+  const page = await stage.open(`${relay.url}/#/r/demo`, { preload });
   await shown(page);
   return { relay, source, page };
 }
 
 /** Draw calls of a picture in which only the camera has moved: no shadows. */
 async function calls(page: Page): Promise<number> {
-  await until('the finest shells', () => finest(page), 60_000);
+  await until('the finest shells', () => finest(page));
   const before = await renderedFrames(page);
   await page.findByRole('button', 'side').click();
   await until('another picture', async () => (await renderedFrames(page)) > before);
@@ -78,8 +77,7 @@ describe('what a robot does not say', () => {
       { ref: { ...many, RKN: 0.4 }, pos: { ...many, RKN: 0 } },
       { model: DEMO.model },
     );
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`);
     await shown(page);
     await until('LIVE or HOLDING', is(page, 'LIVE', 'HOLDING'));
     expect(await signs(page)).toMatchObject({
@@ -146,11 +144,11 @@ describe('the lens', () => {
     for (const other of ['Body_RHP', 'Body_LAR', 'Body_Torso']) expect(found.ghostLinks).not.toContain(other);
     expect(await labels(page)).toContainEqual(expect.stringMatching(/^apart-RKN: RKN 0\.\d+ rad off$/));
     // More while shadows are redrawn.
-    await until('one draw call more', async () => (await calls(page)) === without + 1, 30_000);
+    await until('one draw call more', async () => (await calls(page)) === without + 1);
 
     source.write(JSON.stringify(still));
     await until('no ghost', async () => (await signs(page)).ghostLinks.length === 0);
-    await until('as many as before', async () => (await calls(page)) === without, 30_000);
+    await until('as many as before', async () => (await calls(page)) === without);
   });
 
   it.skipIf(!FULL)(
@@ -193,13 +191,7 @@ describe('limits', () => {
     };
     await openLimits();
     const high = '[data-testid="limit-ftf-RF.fz"] .number-field:nth-of-type(2) input';
-    const type = (text: string) =>
-      page.evaluate(`(() => {
-        for (const details of document.querySelectorAll('.limits details')) details.open = true;
-        const input = document.querySelector(${JSON.stringify(high)});
-        Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, ${JSON.stringify(text)});
-        input.dispatchEvent(new Event('input', { bubbles: true }));
-      })()`);
+    const type = (text: string) => enter(page, `document.querySelector(${JSON.stringify(high)})`, text);
     await type('100');
     await until('a fault', async () => (await foot())?.level === 'fault');
     expect(await page.evaluate(`document.querySelector('[data-sign="wrench-RF"]').dataset.level`)).toBe(
@@ -250,8 +242,8 @@ describe('load on the body', () => {
 it.skipIf(!FULL)('all signs of an unchanged robot cost no pictures', async () => {
   const { page } = await standing(demoAt(42));
   await until('a ghost', async () => (await signs(page)).ghostLinks.length > 0);
-  await until('HOLDING', is(page, 'HOLDING'), 30_000);
-  await until('the finest shells', () => finest(page), 60_000);
+  await until('HOLDING', is(page, 'HOLDING'));
+  await until('the finest shells', () => finest(page));
   await drawsNothing(page, 10);
 });
 
@@ -274,5 +266,5 @@ it('on a phone the feet stand above the buttons', async () => {
       }
       return false;
     })()`);
-  await until('feet above the buttons', clear, 30_000);
+  await until('feet above the buttons', clear);
 });

@@ -4,7 +4,7 @@ import { COUNT_DRAWS, drawCalls } from './draw_calls.ts';
 import { engineName } from './driver/engines.ts';
 import { until } from './driver/until.ts';
 import { poseMatches } from './pose_check.ts';
-import { cellNumber, hasSkin, is, RECORD, resting, shownPositions, shownSeq } from './robot_page.ts';
+import { cellNumber, hasSkin, is, RECORD, resting, shownPositions, shownSeq, there } from './robot_page.ts';
 import { REPO } from './stack.ts';
 import { setStage } from './stage.ts';
 
@@ -21,9 +21,15 @@ describe('the whole path', () => {
     const relay = await stage.stack.relay();
     const tap = stage.stack.tap(relay);
     const edge = stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: `${RECORD};${COUNT_DRAWS}`, viewport: FEW_PIXELS });
-    await page.open(`${relay.url}/`);
+    const page = await stage.open(`${relay.url}/`, {
+      preload: `${RECORD};${COUNT_DRAWS}`,
+      viewport: FEW_PIXELS,
+    });
+    await until('a card', there(page, 'robot-demo'));
+    const ofBody = () => page.requested.filter((url) => /\/(three|canvas2d)[.-]/.test(url));
+    expect(ofBody(), 'no 3D before a robot is chosen').toEqual([]);
     await page.findByRole('link', /demo/i).click();
+    await until('3D is asked for', () => ofBody().length > 0);
     await until('LIVE', is(page, 'LIVE', 'HOLDING'));
 
     const shown = await until('frames that the tap has too', async () => {
@@ -39,14 +45,14 @@ describe('the whole path', () => {
       }
     }
 
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', () => hasSkin(page));
     const first = await poseMatches(page, edge, tap, URDF);
     await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > first + 30);
     expect(await poseMatches(page, edge, tap, URDF)).toBeGreaterThan(first);
 
     edge.signal('SIGSTOP');
     await until('it stands still', is(page, 'STALE', 'OFFLINE'));
-    await until('the colour has drained', () => resting(page), 60_000);
+    await until('the colour has drained', () => resting(page));
     await page.evaluate('window.painting = true');
     const calls = await drawCalls(page);
     await page.screenshot(`smoke-${engineName()}.png`);

@@ -207,6 +207,13 @@ export class Stack {
     return new Relay(`http://127.0.0.1:${found[1]}`, found[2] ?? '', () => running);
   }
 
+  /** A relay with the demo robot on air. */
+  async demo(options?: RelayOptions): Promise<Relay> {
+    const relay = await this.relay(options);
+    this.edge(relay);
+    return relay;
+  }
+
   edge(relay: Relay, options: EdgeOptions = {}, stdin: ProcessOptions['stdin'] = 'ignore'): Process {
     const [command = '', ...first] =
       options.meshTools === false ? BARE_EDGE : [path.join(REPO, '.venv/bin/posecast-edge')];

@@ -7,7 +7,7 @@ import { afterAll, afterEach, beforeAll, beforeEach, expect, type TestContext } 
 import { CLOUD } from './cloud.ts';
 import { keepBrowser } from './driver/engines.ts';
 import type { Ability, Browser, BrowserOptions, Page, PageOptions } from './driver/page.ts';
-import { REPO, Stack } from './stack.ts';
+import { REPO, type Relay, Stack } from './stack.ts';
 
 /** Whether to run the slow tests as well: `make test-full`. */
 export const FULL = process.env.POSECAST_FULL === '1';
@@ -18,10 +18,14 @@ export interface Stage {
   /** Skips the test, with the reason, in an engine whose driver does not support this. */
   needs(context: TestContext, ability: Ability): void;
   newPage(options?: PageOptions): Promise<Page>;
+  /** A new page at this address. */
+  open(url: string, options?: PageOptions): Promise<Page>;
   /** What all tests of this file look at: `start` is called by the first one that asks, and again by the one after a test that
    *  failed. Pages from its `newPage` stay open till the end of the file; each test leaves them as it found them. Call it
    *  beside `setStage`. */
   share<T>(start: (stack: Stack, newPage: Stage['newPage']) => Promise<T>): () => Promise<T>;
+  /** The relay of a demo robot that all tests of this file share. */
+  demo(): Promise<Relay>;
 }
 
 /** Software renders 3D as slowly as the slowest phone: without this, a page would switch to the light view in the middle of a
@@ -132,7 +136,7 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
     const ofThisTest = stack;
     context.onTestFailed(({ task }) => {
       failed = true;
-      // with the reason, which is not reported for a test that passes on a retry
+      // with what its processes said
       console.error(task.result?.errors?.at(-1)?.stack, ofThisTest.logs, shared.logs);
     });
   });
@@ -169,6 +173,11 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
       pages.push(page);
       return page;
     },
+    async open(url, pageOptions) {
+      const page = await stage.newPage(pageOptions);
+      await page.open(url);
+      return page;
+    },
     share(start) {
       let started: ReturnType<typeof start> | null = null;
       let startedAt = times;
@@ -182,6 +191,8 @@ export function setStage({ paints = PAINTED, ...options }: StageOptions = {}): S
         return started;
       };
     },
+    demo: () => demo(),
   };
+  const demo = stage.share((ofAll) => ofAll.demo());
   return stage;
 }

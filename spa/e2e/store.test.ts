@@ -24,10 +24,9 @@ describe('a real Redis', () => {
     const relay = await stage.stack.relay({ store: url });
     const tap = stage.stack.tap(relay);
     const edge = stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: RECORD });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD });
     await until('LIVE', is(page, 'LIVE', 'HOLDING'));
-    await until('frames', async () => (await shownPositions(page)).size > 10, 60_000);
+    await until('frames', async () => (await shownPositions(page)).size > 10);
 
     await edge.kill();
     const newest = await until('the last frame has come to rest', async () => {

@@ -1,14 +1,9 @@
 import { describe, expect, it } from 'vitest';
 import { until } from './driver/until.ts';
-import { cellNumber, holds, is, RECORD, shownPositions, shownSeq } from './robot_page.ts';
+import { cellNumber, holds, RECORD, shownPositions, shownSeq } from './robot_page.ts';
 import { FULL, setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 /** All rows are on screen: others are written in turns. */
 const TALL = { width: 1280, height: 1600 };
@@ -20,8 +15,7 @@ describe('the table', () => {
     const relay = await stage.stack.relay();
     const tap = stage.stack.tap(relay);
     stage.stack.edge(relay);
-    const page = await stage.newPage({ preload: RECORD, viewport: TALL });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD, viewport: TALL });
 
     const shown = await until('ten frames that the tap has too', async () => {
       const rows = [...(await shownPositions(page))].filter(([seq]) => tap.frame(seq) !== undefined);
@@ -43,41 +37,12 @@ describe('the table', () => {
       }
       knees.add(cellNumber(cells.RKN ?? ''));
     }
-    expect(shown.some(([seq]) => Number(seq) > 0)).toBe(true);
-    console.log(`compared ${shown.length} frames, right knee ${[...knees].join(', ')}`);
-  });
-
-  it('shows a robot that moves', async () => {
-    const relay = await demo();
-    const page = await stage.newPage({ preload: RECORD, viewport: TALL });
-    await page.open(`${relay.url}/#/r/demo`);
-    await until(
-      'a knee that moves',
-      async () => {
-        const knees = [...(await shownPositions(page)).values()].map((cells) => cells.RKN);
-        return new Set(knees).size >= 5;
-      },
-      60_000,
-    );
-  });
-
-  it('is where the list leads', async () => {
-    const relay = await demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/`);
-    const card = page.findByRole('link', /demo/i);
-    await until('a card', async () => (await card.count()) > 0);
-    const ofBody = () => page.requested.filter((url) => /\/(three|canvas2d)[.-]/.test(url));
-    expect(ofBody(), 'no 3D before a robot is chosen').toEqual([]);
-    await card.click();
-    await until('3D is asked for', async () => ofBody().length > 0);
-    await until('LIVE', is(page, 'LIVE', 'HOLDING'));
+    expect(knees.size, 'a knee that moves').toBeGreaterThan(1);
   });
 
   it('fits a phone', async () => {
-    const relay = await demo();
-    const page = await stage.newPage({ viewport: { width: 390, height: 844 } });
-    await page.open(`${relay.url}/#/r/demo`);
+    const relay = await stage.demo();
+    const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 390, height: 844 } });
     await until('numbers', async () => (await shownSeq(page)) !== null);
     await until('cells', holds(page, 'document.querySelector("[data-field=pos]") !== null'));
     const wide = await page.evaluate<number>('document.documentElement.scrollWidth');
@@ -114,8 +79,7 @@ describe('the table', () => {
       cur: of(2),
       temp: of(30),
     });
-    const page = await stage.newPage({ viewport: { width: 360, height: 740 } });
-    await page.open(`${relay.url}/#/r/demo`);
+    const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 360, height: 740 } });
     for (const [width, height] of [
       [360, 740],
       [1366, 768],
@@ -160,8 +124,7 @@ describe('the table', () => {
         cur: of(() => 0),
         wave: { pos: of((i) => [0.5, 0.2 + i / 60]), cur: of((i) => [2, 0.3 + i / 90]) },
       });
-      const page = await stage.newPage();
-      await page.open(`${relay.url}/#/r/demo`);
+      const page = await stage.open(`${relay.url}/#/r/demo`);
       type Sampled = { writes: number; eachMs: number[] };
       await page.evaluate(`(() => {
         const { numbers } = window.posecast;
@@ -176,9 +139,9 @@ describe('the table', () => {
         look();
       })()`);
       const sampled = () => page.evaluate<Sampled>('window.sampled');
-      await until('warm', async () => (await sampled()).writes >= 50, 60_000);
+      await until('warm', async () => (await sampled()).writes >= 50);
       await page.evaluate('window.sampled.eachMs.length = 0');
-      await until('a hundred updates', async () => (await sampled()).eachMs.length >= 100, 90_000);
+      await until('a hundred updates', async () => (await sampled()).eachMs.length >= 100);
       const eachMs = (await sampled()).eachMs.toSorted((a, b) => a - b);
       const mean = (all: readonly number[]) => all.reduce((sum, ms) => sum + ms, 0) / all.length;
       // The page's clock has a resolution of 0.1 ms: a single update is that coarse, a mean is not.

@@ -3,6 +3,7 @@
 import { writeFileSync } from 'node:fs';
 import path from 'node:path';
 import type { Page } from './driver/page.ts';
+import { until } from './driver/until.ts';
 import type { Process } from './process.ts';
 import type { Relay, Sample, Stack } from './stack.ts';
 
@@ -237,6 +238,23 @@ export function shown(page: Page): Promise<Shown> {
     const off = Math.abs((twin.moment_ms % ${ROUND_S * 1000}) - ((turn + 1) % 1) * ${ROUND_S * 1000});
     return { seq: twin.seq, momentMs: twin.moment_ms, offMs: Math.min(off, ${ROUND_S * 1000} - off) };
   })()`);
+}
+
+/** Steps frame by frame, also back, to a frame that has its millisecond for itself: a link to it names no other one. A busy machine
+ *  receives several at once. */
+export async function stepToFrame(page: Page): Promise<Shown> {
+  const step = async (key: '.' | ',', seq: number) => {
+    await page.press(key);
+    await until(`frame ${seq}`, async () => (await shown(page)).seq === seq);
+    return shown(page);
+  };
+  return until('a frame apart from the next', async () => {
+    const { seq } = await shown(page);
+    const one = await step('.', seq + 1);
+    const two = await step('.', seq + 2);
+    await step(',', seq + 1);
+    return two.momentMs! - one.momentMs! > 1 ? one : null;
+  });
 }
 
 /** The age of the body's pose while it was LIVE, ms: median and a high percentile of all pictures. */

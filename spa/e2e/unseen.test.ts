@@ -6,11 +6,6 @@ import type { Relay } from './stack.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
-const demo = stage.share(async (stack) => {
-  const relay = await stack.relay();
-  stack.edge(relay);
-  return relay;
-});
 
 /** What the relay sends to a page that requests nothing. */
 const NOTHING = 0;
@@ -33,10 +28,9 @@ async function comesBack(page: Page, relay: Relay, of: string, missedFrom: numbe
 
 describe('a page that nobody sees', () => {
   it('behind another tab asks for no poses, and comes back with the newest', async () => {
-    const relay = await demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    const relay = await stage.demo();
+    const page = await stage.open(`${relay.url}/#/r/demo`);
+    await until('LIVE', is(page, 'LIVE'));
     // A headless browser has no other tab to bring to the front, so the page is told that there is one.
     const hide = (hidden: boolean) =>
       page.evaluate(`(() => {
@@ -54,9 +48,8 @@ describe('a page that nobody sees', () => {
   });
 
   it('in an iframe that is scrolled away asks for no poses, and comes back with the newest', async () => {
-    const relay = await demo();
-    const page = await stage.newPage();
-    await page.open(`${relay.url}/#/`);
+    const relay = await stage.demo();
+    const page = await stage.open(`${relay.url}/#/`);
     await page.evaluate(`(() => {
       const room = document.createElement('div');
       const frame = document.createElement('iframe');
@@ -68,7 +61,7 @@ describe('a page that nobody sees', () => {
       scrollTo(0, 1e6);
     })()`);
     const inside = 'window.frames[0]';
-    await until('it runs', async () => ((await seqOf(page, inside)) ?? -1) > 0, 30_000);
+    await until('it runs', async () => ((await seqOf(page, inside)) ?? -1) > 0);
     await page.evaluate('scrollTo(0, 0)');
     await until('asks for nothing', async () => (await grantedHz(page, inside)) === NOTHING);
     const stood = (await seqOf(page, inside)) ?? -1;
