@@ -15,7 +15,7 @@ const ONE_MM = 0.001;
 const SMALL = { width: 800, height: 480 };
 /** A wire code differs by at most this from the sent value, rad or m. */
 const CODED = 0.002;
-/** The robot, the floor, its axes and its shadow, and one for its pictures. */
+/** The robot, its shadow, the floor and its axes, and one more for pictures on its skin. */
 const MOST_CALLS = 5;
 
 interface Manifest {
