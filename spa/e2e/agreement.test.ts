@@ -97,33 +97,33 @@ it('chip, banner and body agree in every picture, whatever happens to the robot,
     const page = await stage.newPage({ preload: LOOKING, viewport: { width: 390, height: 700 } });
     page.forgive(/WebSocket|ERR_|Failed to load|NetworkError|access control|Could not connect/i);
     await page.open(`${link.url}/#/r/demo`);
-    await until('LIVE', is(page, 'LIVE'), 60_000);
-    await until('a body', () => whole(page), 60_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('a body', () => whole(page));
     robot.stand();
-    await until('HOLDING', is(page, 'HOLDING'), 30_000);
+    await until('HOLDING', is(page, 'HOLDING'));
     robot.go();
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
     for (const heldUpMs of [700, 3000])
       for (let times = 0; times < 2; times += 1) {
         // a separate task, as on a busy page
         await page.evaluate(
           `void setTimeout(() => { const end = performance.now() + ${heldUpMs}; while (performance.now() < end); window.heldUp = (window.heldUp ?? 0) + 1; })`,
         );
-        await until('LIVE after being held up', is(page, 'LIVE'), 30_000);
+        await until('LIVE after being held up', is(page, 'LIVE'));
       }
-    await until('held up four times', holds(page, 'window.heldUp === 4'), 30_000);
+    await until('held up four times', holds(page, 'window.heldUp === 4'));
     robot.source.signal('SIGSTOP');
-    await until('STALE', is(page, 'STALE'), 30_000);
+    await until('STALE', is(page, 'STALE'));
     const cutPx = `(({ scrollWidth, clientWidth }) => scrollWidth - clientWidth)(document.querySelector('.chip-detail'))`;
     expect(await page.evaluate<number>(cutPx), 'of its age, on a phone').toBe(0);
     robot.source.signal('SIGCONT');
-    await until('LIVE again', is(page, 'LIVE'), 30_000);
+    await until('LIVE again', is(page, 'LIVE'));
     link.cut(true);
-    await until('no connection', is(page, 'STALE'), 30_000);
+    await until('no connection', is(page, 'STALE'));
     link.heal();
-    await until('LIVE again', is(page, 'LIVE'), 60_000);
+    await until('LIVE again', is(page, 'LIVE'));
     await robot.edge.kill();
-    await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
+    await until('OFFLINE', is(page, 'OFFLINE'));
     expect(await disagreements(page)).toEqual([]);
   } finally {
     await link.close();
@@ -138,7 +138,7 @@ it('a robot that is refused is called the same by chip and banner, and nothing i
   page.forgive(/WebSocket|404|4\d\d/);
   await page.open(`${relay.url}/#/r/hidden`);
   const chip = page.findByTestId('liveness');
-  await until('refused', async () => /no such robot/.test(await chip.text()), 30_000);
+  await until('refused', async () => /no such robot/.test(await chip.text()));
   expect(await chip.text()).not.toMatch(/STALE|no connection/);
   expect(await page.findByTestId('stage-note').text()).toMatch(/No robot here has this name/);
   expect(await disagreements(page)).toEqual([]);

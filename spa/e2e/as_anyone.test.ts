@@ -25,7 +25,7 @@ describe.skipIf(!FULL)('who may see more', () => {
     const hidden = link('hidden');
     const relay = await stage.stack.demo({ robots });
     const page = await stage.open(`${relay.url}/${address}`);
-    await until('all of it', async () => (await granted(page)) === 30, 30_000);
+    await until('all of it', async () => (await granted(page)) === 30);
     expect(await page.findByTestId('as-anyone').count()).toBe(0);
 
     await page.press('s');
@@ -33,7 +33,7 @@ describe.skipIf(!FULL)('who may see more', () => {
     await page.screenshot('seen-by-anyone-laptop.png');
     await page.findByTestId('seen-by-anyone').click();
     await page.loaded();
-    await until('what anyone gets', async () => (await granted(page)) === 2, 30_000);
+    await until('what anyone gets', async () => (await granted(page)) === 2);
     await until('it says so', there(page, 'as-anyone'));
     await page.screenshot('as-anyone-laptop.png');
     await page.viewport({ width: 390, height: 844 });
@@ -41,15 +41,12 @@ describe.skipIf(!FULL)('who may see more', () => {
 
     await page.findByRole('link', /back to your view/i).click();
     await page.loaded();
-    await until('all of it again', async () => (await granted(page)) === 30, 30_000);
+    await until('all of it again', async () => (await granted(page)) === 30);
     expect(await page.findByTestId('as-anyone').count()).toBe(0);
 
     const other = await stage.open(`${relay.url}/?as=anyone${hidden}`);
-    await until(
-      'nothing to be seen',
-      async () =>
-        /no robot here has this name/i.test(await other.evaluate<string>('document.body.innerText')),
-      30_000,
+    await until('nothing to be seen', async () =>
+      /no robot here has this name/i.test(await other.evaluate<string>('document.body.innerText')),
     );
     expect(
       other.requested.every((url) => !url.includes('L1.')),

@@ -28,8 +28,8 @@ async function watched(preload = ''): Promise<{ page: Page; link: FaultyLink }> 
   );
   page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // the message differs by browser
   await page.open(`${link.url}/#/r/demo`);
-  await until('LIVE', is(page, 'LIVE'), 60_000);
-  await until('a body', async () => (await triangles(page)) > 500, 60_000);
+  await until('LIVE', is(page, 'LIVE'));
+  await until('a body', async () => (await triangles(page)) > 500);
   await page.evaluate('window.same = true');
   return { page, link };
 }
@@ -39,15 +39,15 @@ it('a body whose code did not come while the relay was away is there when the re
   try {
     expect(has(page, LIGHT), 'nothing was fetched ahead').toBe(false);
     link.cut(true);
-    await until('STALE', is(page, 'STALE'), 30_000);
+    await until('STALE', is(page, 'STALE'));
     await draw(page, 'light');
-    await until('says so', there(page, 'no-scene'), 30_000);
+    await until('says so', there(page, 'no-scene'));
     expect(await page.findByTestId('no-scene').text()).toMatch(/did not load. Trying again.*Try now/);
     await page.findByTestId('try-now').click();
     expect(await triangles(page)).toBe(0);
     link.heal();
-    await until('a body again', async () => (await triangles(page)) > 500, 60_000);
-    await until('LIVE', is(page, 'LIVE'), 60_000);
+    await until('a body again', async () => (await triangles(page)) > 500);
+    await until('LIVE', is(page, 'LIVE'));
     expect(has(page, LIGHT)).toBe(true);
     expect(await page.findByTestId('no-scene').count()).toBe(0);
     expect(await page.evaluate<boolean>('window.same')).toBe(true);
@@ -60,13 +60,13 @@ it('what may be needed later is here before the relay goes away', async () => {
   const { page, link } = await watched();
   try {
     for (const part of [LIGHT, 'share', 'settings', 'plots', 'body'])
-      await until(`${part} fetched ahead`, () => has(page, part), 60_000);
+      await until(`${part} fetched ahead`, () => has(page, part));
     link.cut(true);
-    await until('STALE', is(page, 'STALE'), 30_000);
+    await until('STALE', is(page, 'STALE'));
     await draw(page, 'light');
-    await until('a body, drawn by hand', async () => (await triangles(page)) > 500, 30_000);
+    await until('a body, drawn by hand', async () => (await triangles(page)) > 500);
     await page.findByRole('button', 'Share').click();
-    await until('the sheet', async () => (await page.text()).includes('Embed in your own page'), 20_000);
+    await until('the sheet', async () => (await page.text()).includes('Embed in your own page'));
     expect(await page.findByTestId('not-here').count()).toBe(0);
   } finally {
     await link.close();

@@ -43,7 +43,7 @@ class Looks {
   }
 
   async testId(id: string): Promise<void> {
-    await until(id, async () => (await this.page.findByTestId(id).count()) === 1, 60_000);
+    await until(id, async () => (await this.page.findByTestId(id).count()) === 1);
   }
 
   async list(relay: Relay): Promise<void> {
@@ -54,14 +54,14 @@ class Looks {
 
   async robot(relay: Relay): Promise<void> {
     await this.page.open(`${relay.url}/#/r/demo`);
-    await until('a body', () => hasSkin(this.page), 60_000);
+    await until('a body', () => hasSkin(this.page));
     await until('its buttons and its row', () =>
       this.page.evaluate<boolean>(
         `document.querySelector('[data-testid=signs]') !== null && document.querySelector('.filter') !== null
           && document.querySelector('tr[data-level=fault]') !== null`,
       ),
     );
-    await until('at rest', () => resting(this.page), 60_000);
+    await until('at rest', () => resting(this.page));
     await this.at('body and table');
   }
 
@@ -83,8 +83,8 @@ class Looks {
 
   async embed(relay: Relay): Promise<void> {
     await this.page.open(`${relay.url}/embed/#/r/demo`);
-    await until('a body', () => hasSkin(this.page), 60_000);
-    await until('at rest', () => resting(this.page), 60_000);
+    await until('a body', () => hasSkin(this.page));
+    await until('at rest', () => resting(this.page));
     await this.at('embed');
   }
 }
@@ -111,7 +111,7 @@ describe('axe finds nothing', () => {
       page.evaluate<boolean>(`document.querySelector('${selector}') !== null`);
     const tab = (name: string) => async () => {
       await page.open(`${relay.url}/#/r/demo`);
-      await until('the panel', has('[data-testid=fault-line][data-told]'), 60_000);
+      await until('the panel', has('[data-testid=fault-line][data-told]'));
       await click(`tab-${name}`);
       await until(name, has(`#panel-${name}`));
     };
@@ -223,7 +223,7 @@ describe('axe finds nothing', () => {
       await looks.testId('robot-demo');
       await page.dropFiles({ x: 600, y: 400 }, [BUNDLE]);
       await looks.testId('local-page');
-      await until('a body', () => hasSkin(page), 60_000);
+      await until('a body', () => hasSkin(page));
       await looks.at('a robot from this computer');
     }
     expect(looks.found).toEqual({});

@@ -20,9 +20,8 @@ async function openBody(page: Page, url: string): Promise<void> {
   await until(
     'a body',
     async () => (await page.evaluate<number>('window.posecast?.scene?.triangles ?? 0')) > 500,
-    60_000,
   );
-  await until('at rest', () => resting(page), 30_000);
+  await until('at rest', () => resting(page));
 }
 
 const shin = async (page: Page) =>
@@ -37,17 +36,13 @@ describe('values that make no sense', () => {
     const before = await shin(page);
     const quiet = await note(page);
     source.write(JSON.stringify({ pos: { RKN: Number.NaN, LKN: 0.4 } }).replace('null', 'NaN'));
-    await until(
-      'it is named',
-      async () => (await note(page)) !== quiet && /RKN/.test(await note(page)),
-      30_000,
-    );
+    await until('it is named', async () => (await note(page)) !== quiet && /RKN/.test(await note(page)));
     await until('at rest', () => resting(page));
     expect(await shin(page)).toEqual(before);
     await page.screenshot('unread.png');
 
     source.write(JSON.stringify({ pos: { RKN: 40, LKN: 0.4 } }));
-    await until('read again', async () => (await note(page)) === quiet, 30_000);
+    await until('read again', async () => (await note(page)) === quiet);
     await until('at rest', () => resting(page));
     const shown = (await body(page))?.links ?? {};
     const expected = await forwardKinematics(URDF, { RKN: 40, LKN: 0.4 });
@@ -111,11 +106,11 @@ describe('values that make no sense', () => {
       );
       const has = (label: string) =>
         page.evaluate<boolean>(`window.posecast.twin.value('pos', '${label}') !== undefined`);
-      await until('the new schema', async () => (await has('LEB')) && !(await has('LKN')), 30_000);
+      await until('the new schema', async () => (await has('LEB')) && !(await has('LKN')));
       const seq = (await shownSeq(page)) ?? 0;
-      await until('it goes on', async () => ((await shownSeq(page)) ?? 0) > seq + 3, 30_000);
+      await until('it goes on', async () => ((await shownSeq(page)) ?? 0) > seq + 3);
       const at = JSON.stringify(await shin(page));
-      await until('the body moves', async () => JSON.stringify(await shin(page)) !== at, 30_000);
+      await until('the body moves', async () => JSON.stringify(await shin(page)) !== at);
       expect(await page.evaluate<boolean>('window.born')).toBe(true);
     },
   );

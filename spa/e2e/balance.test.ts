@@ -36,19 +36,15 @@ function balance(page: Page): Promise<Balance | null> {
 
 /** Waits for balance signs that satisfy a condition. */
 function balanceWith(page: Page, what: string, holds: (balance: Balance) => boolean): Promise<Balance> {
-  return until(
-    what,
-    async () => {
-      const now = await balance(page);
-      return now !== null && holds(now) ? now : null;
-    },
-    60_000,
-  );
+  return until(what, async () => {
+    const now = await balance(page);
+    return now !== null && holds(now) ? now : null;
+  });
 }
 
 async function atRest(page: Page): Promise<void> {
-  await until('HOLDING', is(page, 'HOLDING'), 30_000);
-  await until('rest', () => resting(page), 60_000);
+  await until('HOLDING', is(page, 'HOLDING'));
+  await until('rest', () => resting(page));
 }
 
 /** Raises the robot's right foot, so that its load moves to the left one. */
@@ -68,13 +64,13 @@ it('a robot with all its signs of balance', async () => {
   const page = await stage.open(`${relay.url}/#/r/demo`, { preload: COUNT_DRAWS });
   await shown(page);
   await choose(page, { balance: 'off' });
-  await until('skin', () => hasSkin(page), 60_000);
+  await until('skin', () => hasSkin(page));
   await atRest(page);
   expect(await balance(page), 'it is off').toBeNull();
   const without = await drawCalls(page);
 
   await choose(page, { balance: 'auto' });
-  await until('skin', () => hasSkin(page), 60_000);
+  await until('skin', () => hasSkin(page));
   const stands = await balanceWith(page, 'a polygon', ({ polygon }) => polygon.length > 3);
   expect(stands).toMatchObject({ ground: 'measured', level: 'ok' });
   expect(stands.feet.map(({ name, bears }) => [name, bears])).toEqual([
@@ -115,7 +111,7 @@ it('a robot with all its signs of balance', async () => {
   source.write(JSON.stringify(STANDING));
   await until('a margin again', async () => (await labels(page)).includes(`margin: ${mm} mm`));
   edge.signal('SIGSTOP');
-  await until('an old pose', is(page, 'STALE', 'OFFLINE'), 60_000);
+  await until('an old pose', is(page, 'STALE', 'OFFLINE'));
   await until('a grey label', () =>
     page.evaluate<boolean>(`document.querySelector('[data-sign="margin"]')?.dataset.old === 'true'`),
   );

@@ -32,14 +32,10 @@ const line = (page: Page) =>
     };
   })()`);
 const says = (page: Page, what: string, words: RegExp) =>
-  until(
-    what,
-    async () => {
-      const now = await line(page);
-      return now !== null && words.test(now.text) ? now : null;
-    },
-    60_000,
-  );
+  until(what, async () => {
+    const now = await line(page);
+    return now !== null && words.test(now.text) ? now : null;
+  });
 const spoken = async (page: Page) => (await page.findByTestId('spoken').text()).replaceAll('\u00a0', ' ');
 
 const INSIDE = /^The centre of mass is \d+ mm inside the area it stands on\.$/;
@@ -60,7 +56,7 @@ async function standing() {
   const { relay, source } = await robot();
   source.write(JSON.stringify(demoAt(STANDING_S)));
   const page = await watched();
-  await until('it stands', is(page, 'LIVE', 'HOLDING'), 60_000);
+  await until('it stands', is(page, 'LIVE', 'HOLDING'));
   await says(page, 'inside', INSIDE);
   return { relay, source, page };
 }
@@ -88,15 +84,11 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
     return now?.level === 'ok' ? now : null;
   });
   expect([first.level, first.kind]).toEqual(['ok', 'inside']);
-  await until(
-    'said aloud',
-    async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)),
-    30_000,
-  );
+  await until('said aloud', async () => /\. The centre of mass is \d+ mm inside/.test(await spoken(page)));
   await page.screenshot('balance-words.png');
 
   source.write(JSON.stringify(demoAt(LEANING_S)));
-  await until('amber', async () => (await line(page))?.level === 'caution', 30_000);
+  await until('amber', async () => (await line(page))?.level === 'caution');
   expect((await line(page))?.text).toMatch(INSIDE);
 
   source.write(JSON.stringify(without('LF', moment)));
@@ -106,7 +98,7 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
     /^It would fall to its left: the centre of mass is \d+ mm outside\.$/,
   );
   expect(falls.level).toBe('fault');
-  await until('said aloud', async () => /It would fall to its left/.test(await spoken(page)), 30_000);
+  await until('said aloud', async () => /It would fall to its left/.test(await spoken(page)));
 
   source.write(JSON.stringify(without('LF', without('RF', moment))));
   await says(page, 'no foot', /^No foot bears weight\.$/);
@@ -121,7 +113,7 @@ it('one sentence tells whether it would fall and where to, to the eye and to the
   source.write(JSON.stringify(without('LF', without('RF', moment))));
   await says(page, 'no foot again', /^No foot bears weight\.$/);
   source.signal('SIGSTOP');
-  await until('STALE', is(page, 'STALE'), 30_000);
+  await until('STALE', is(page, 'STALE'));
   await says(page, 'the past tense', /^No foot bore weight\.$/);
   expect((await line(page))?.level).toBe('old');
   source.signal('SIGCONT');
@@ -233,6 +225,6 @@ it('large where it is presented, slim in a frame, short beside others; how much 
     page.evaluate<string>(
       `document.querySelector('[data-testid=line-demo] .balance-line')?.textContent ?? ''`,
     );
-  await until('beside others', async () => /^\d+\u00a0mm inside$/.test(await brief()), 60_000);
+  await until('beside others', async () => /^\d+\u00a0mm inside$/.test(await brief()));
   await page.screenshot('balance-row.png');
 });

@@ -15,7 +15,7 @@ async function jammed(viewport: Viewport): Promise<{ page: Page; source: Process
   const relay = await stage.stack.relay();
   const { source } = stage.stack.fedEdge(relay, demoAt(42), DEMO);
   const page = await stage.open(`${relay.url}/#/r/demo`, { viewport });
-  await until('a body', () => hasSkin(page), 60_000);
+  await until('a body', () => hasSkin(page));
   await until('its tree', holds(page, 'window.posecast.scene.tree() !== null'));
   await page.evaluate(`(() => {
     const { scene } = window.posecast;
@@ -31,7 +31,7 @@ async function jammed(viewport: Viewport): Promise<{ page: Page; source: Process
   return { page, source };
 }
 
-const still = (page: Page) => until('the picture rests', () => resting(page), 60_000);
+const still = (page: Page) => until('the picture rests', () => resting(page));
 const lit = (page: Page) => page.evaluate<string[]>('Object.keys(window.lit)');
 const cardOf = (page: Page) =>
   page.evaluate<string>('document.querySelector("[data-testid=joint-card]")?.ariaLabel ?? ""');
@@ -74,7 +74,7 @@ it('a joint that stalls is found from page load in two taps at most: its row, it
     await until('its link is lit', async () => (await lit(page)).includes('Body_RKN'));
     expect(await lit(page)).toEqual(['Body_RKN']);
     const knee = await originOf(page, 'Body_RKN');
-    await until('the eye is there', async () => apart(await target(page), knee) < 0.005, 60_000);
+    await until('the eye is there', async () => apart(await target(page), knee) < 0.005);
     await still(page);
     await page.screenshot(`card-${name}.png`);
 

@@ -44,9 +44,9 @@ describe("the README's table of browsers", () => {
     stage.stack.fedEdge(relay, demoAt(1), DEMO); // stands still, so that pictures can be counted
     const touch = stage.browser.lacks.touch === undefined;
     const page = await stage.open(`${relay.url}/#/r/demo`, { preload: COUNT_DRAWS, touch });
-    await until('its finest shells', () => finest(page), 60_000);
+    await until('its finest shells', () => finest(page));
     await until('its signs', there(page, 'level'));
-    await until('it rests', () => resting(page), 60_000);
+    await until('it rests', () => resting(page));
     const calls = await drawCalls(page);
     const row: BrowserRow = {
       engine: stage.browser.engine,

@@ -27,7 +27,7 @@ const PHONE = { viewport: { width: 390, height: 844 }, touch: true };
 async function opened(page: Page): Promise<Page> {
   const relay = await demo();
   await page.open(`${relay.url}/#/r/demo`);
-  await until('a body', () => hasSkin(page), 60_000);
+  await until('a body', () => hasSkin(page));
   // the body makes room for its buttons, which load later
   await until('its buttons', holds(page, `document.querySelector('.stage-tools') !== null`));
   await drawsNothing(page, 1);
@@ -46,7 +46,7 @@ async function standing(used: () => Promise<Page>): Promise<Page> {
   return page;
 }
 
-const still = (page: Page) => until('the eye rests', () => resting(page), 60_000);
+const still = (page: Page) => until('the eye rests', () => resting(page));
 
 /** The eye position once everything is at rest. */
 async function eye(page: Page): Promise<EyePlace & { distance: number; azimuth: number }> {

@@ -27,7 +27,7 @@ describe('where no WebSocket gets through', () => {
   it('the page reads events over HTTP and says so; it goes back to a WebSocket when it can', async () => {
     const { link, page } = await behind({ stripUpgrade: true });
     try {
-      await until('LIVE', is(page, 'LIVE'), 30_000);
+      await until('LIVE', is(page, 'LIVE'));
       expect(await carrier(page)).toBe('events');
       expect(await chipText(page)).toMatch(/over HTTP/);
       await page.findByTestId('liveness').click();
@@ -38,7 +38,7 @@ describe('where no WebSocket gets through', () => {
 
       link.heal();
       await page.evaluate(`window.dispatchEvent(new Event('online'))`);
-      await until('a WebSocket', async () => (await carrier(page)) === 'websocket', 30_000);
+      await until('a WebSocket', async () => (await carrier(page)) === 'websocket');
       await until('still LIVE', is(page, 'LIVE'));
       const words = (await chips(page)).slice(before).map(({ state }) => state);
       expect(words, 'nobody notices').not.toContain('OFFLINE');
@@ -50,11 +50,11 @@ describe('where no WebSocket gets through', () => {
   it.skipIf(!FULL)('a proxy with a buffer of a few kilobytes in it brings poses in bursts', async () => {
     const { link, page } = await behind({ stripUpgrade: true });
     try {
-      await until('LIVE', is(page, 'LIVE'), 30_000);
+      await until('LIVE', is(page, 'LIVE'));
       link.fault({ stripUpgrade: true, gatherBytes: 2048 });
       const seen = (await shownSeq(page)) ?? 0;
-      await until('poses of the bursts', async () => ((await shownSeq(page)) ?? 0) > seen + 90, 30_000);
-      await until('LIVE in between', is(page, 'LIVE'), 30_000);
+      await until('poses of the bursts', async () => ((await shownSeq(page)) ?? 0) > seen + 90);
+      await until('LIVE in between', is(page, 'LIVE'));
       expect(await carrier(page)).toBe('events');
     } finally {
       await link.close();
@@ -66,15 +66,14 @@ describe('where no WebSocket gets through', () => {
     async () => {
       const { link, page } = await behind({ stripUpgrade: true });
       try {
-        await until('LIVE', is(page, 'LIVE'), 30_000);
+        await until('LIVE', is(page, 'LIVE'));
         link.fault({ stripUpgrade: true, bytesPerSecond: 1000 });
-        await until('STALE', is(page, 'STALE'), 60_000);
+        await until('STALE', is(page, 'STALE'));
         await until(
           'a lower rate',
           async () => ((await page.evaluate<number>('window.posecast.link.granted_hz')) ?? 30) <= 10,
-          60_000,
         );
-        await until('LIVE again', is(page, 'LIVE'), 60_000);
+        await until('LIVE again', is(page, 'LIVE'));
         await page.findByTestId('liveness').click();
         await until('why', async () =>
           /\d Hz: slow network/.test(await page.findByTestId('liveness-explained').text()),
@@ -97,10 +96,10 @@ describe('a dead socket that nobody told us about', () => {
   it('is noticed and replaced', async () => {
     const { link, page } = await behind({});
     try {
-      await until('LIVE', is(page, 'LIVE'), 30_000);
+      await until('LIVE', is(page, 'LIVE'));
       link.strand();
       await until('STALE', is(page, 'STALE'));
-      await until('LIVE on another', is(page, 'LIVE'), 30_000);
+      await until('LIVE on another', is(page, 'LIVE'));
     } finally {
       await link.close();
     }

@@ -29,7 +29,6 @@ describe('a WebGL context that is lost', () => {
     await until(
       'a body',
       async () => (await page.evaluate<number>('window.posecast?.scene?.triangles ?? 0')) > 500,
-      60_000,
     );
     await page.evaluate('window.born = true'); // a reload would forget it
     for (let loss = 1; loss <= 3; loss += 1) {
@@ -40,7 +39,7 @@ describe('a WebGL context that is lost', () => {
       await until('the numbers go on', async () => ((await shownSeq(page)) ?? 0) > seq + 5);
       expect(await renderedFrames(page), 'nothing can be drawn meanwhile').toBe(before);
       await page.evaluate('window.lost.restoreContext()');
-      await until(`drawn again, loss ${loss}`, async () => (await renderedFrames(page)) > before + 3, 30_000);
+      await until(`drawn again, loss ${loss}`, async () => (await renderedFrames(page)) > before + 3);
       expect(await trouble(page)).not.toBe('lost');
       expect(await page.evaluate<number>('window.posecast.scene.triangles')).toBeGreaterThan(500);
     }
@@ -49,7 +48,6 @@ describe('a WebGL context that is lost', () => {
     await until(
       'drawn by hand',
       async () => (await page.evaluate<number>('window.posecast?.scene?.triangles ?? 0')) > 500,
-      30_000,
     );
     const { length } = await page.evaluate<string[]>(
       '[...document.querySelectorAll("[data-testid=scene] canvas")].map(String)',
@@ -57,11 +55,10 @@ describe('a WebGL context that is lost', () => {
     expect(length, 'one canvas').toBe(1);
     expect(await liveness(page)).toBe('LIVE');
     await page.findByRole('button', 'Try 3D again').click();
-    await until('3D again', async () => /^(pixels|detail)?$/.test(await trouble(page)), 30_000);
+    await until('3D again', async () => /^(pixels|detail)?$/.test(await trouble(page)));
     await until(
       'a body again',
       async () => (await page.evaluate<number>('window.posecast?.scene?.triangles ?? 0')) > 500,
-      60_000,
     );
     expect(await page.evaluate<boolean>('window.born')).toBe(true);
     page.forgive(/WebGL|CONTEXT_LOST/i);

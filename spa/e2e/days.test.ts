@@ -47,36 +47,32 @@ const watched = stage.share(async (_, newPage) => {
   );
   const page = await newPage({ viewport: LAPTOP });
   await page.open(`${relay.url}/#/r/demo`);
-  await until('a body', () => whole(page), 60_000);
+  await until('a body', () => whole(page));
   return page;
 });
 
 /** The demo robot's page, live, with some seconds to look back on. */
 async function visit(): Promise<Page> {
   const page = await watched();
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
   const long = `(() => { const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${LONG_ENOUGH_S}; })()`;
-  await until(`${LONG_ENOUGH_S} s on the line`, holds(page, long), 60_000);
+  await until(`${LONG_ENOUGH_S} s on the line`, holds(page, long));
   return page;
 }
 
 /** Some complete segments that a relay has recorded, and their schema. */
 async function taken(relay: Relay): Promise<{ segments: Segment[]; schemaText: string }> {
   const bytes = async (route: string) => new Uint8Array(await (await fetch(relay.url + route)).arrayBuffer());
-  const found = await until(
-    'four segments',
-    async () => {
-      const { to_ms } = (await relay.json(PAST)) as Summary;
-      if (to_ms === null) return null;
-      const ten = `${new Date(to_ms).toISOString().slice(0, 15)}0Z`;
-      const page = (await relay.json(`${PAST}/public/${ten}`)) as {
-        segments: { take: string; index: number; frames: number }[];
-      };
-      const whole = page.segments.filter(({ frames }) => frames > 100);
-      return whole.length >= 4 ? whole : null;
-    },
-    90_000,
-  );
+  const found = await until('four segments', async () => {
+    const { to_ms } = (await relay.json(PAST)) as Summary;
+    if (to_ms === null) return null;
+    const ten = `${new Date(to_ms).toISOString().slice(0, 15)}0Z`;
+    const page = (await relay.json(`${PAST}/public/${ten}`)) as {
+      segments: { take: string; index: number; frames: number }[];
+    };
+    const whole = page.segments.filter(({ frames }) => frames > 100);
+    return whole.length >= 4 ? whole : null;
+  });
   const segments: Segment[] = [];
   for (const { take, index } of found!)
     segments.push(decodeSegment(await bytes(`${PAST}/public/${take}/${index}`)));
@@ -107,28 +103,24 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
   const policy = '[robots.demo]\nkeep = "30d"\n[robots.demo.anyone]\npast = "30d"\n';
   writeFileSync(robots, policy, { mode: 0o600 });
   const relay = await stage.stack.demo({ past: `file://${folder}`, robots });
-  await until(
-    'twenty days',
-    async () => {
-      const { from_ms } = (await relay.json(PAST)) as Summary;
-      return from_ms !== null && from_ms < nowMs - 19 * DAY_MS;
-    },
-    60_000,
-  );
+  await until('twenty days', async () => {
+    const { from_ms } = (await relay.json(PAST)) as Summary;
+    return from_ms !== null && from_ms < nowMs - 19 * DAY_MS;
+  });
 
   const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: LAPTOP });
-  await until('LIVE', is(page, 'LIVE'), 60_000);
-  await until('a body', () => whole(page), 60_000);
-  await until('a line', has(page, '.track-ticks text'), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
+  await until('a body', () => whole(page));
+  await until('a line', has(page, '.track-ticks text'));
   const days = () => page.requested.filter((url) => /past\/public\/\d{4}-\d\d-\d\d$/.test(url)).length;
   expect(days(), 'of twenty days those that three hours touch').toBeLessThanOrEqual(2);
 
   // two taps
   await page.press('g');
   const hour = `[...document.querySelectorAll('.moment-hours button')].findLast((each) => each.ariaLabel.includes('yesterday'))`;
-  await until('an hour of yesterday', holds(page, `${hour} !== undefined`), 30_000);
+  await until('an hour of yesterday', holds(page, `${hour} !== undefined`));
   await page.evaluate(`${hour}.click()`);
-  await until('PAST', is(page, 'PAST'), 30_000);
+  await until('PAST', is(page, 'PAST'));
   await until('yesterday', async () => {
     const agoMs = nowMs - ((await momentMs(page)) ?? nowMs);
     return agoMs > DAY_MS - MIN_MS && agoMs < DAY_MS + 17 * MIN_MS;
@@ -152,14 +144,10 @@ it('of days in a store the line shows what it needs, one goes there, and finds t
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
   await page.evaluate(`document.querySelectorAll('.moment-ways input')[1].click()`);
   const row = `[...document.querySelectorAll('.incidents li button')].find((each) => /for 3.5 s/.test(each.textContent))`;
-  await until(
-    'a fault of then',
-    async () => {
-      await page.evaluate(`document.querySelector('[data-testid="more-incidents"]')?.click()`);
-      return page.evaluate<boolean>(`${row} !== undefined`);
-    },
-    30_000,
-  );
+  await until('a fault of then', async () => {
+    await page.evaluate(`document.querySelector('[data-testid="more-incidents"]')?.click()`);
+    return page.evaluate<boolean>(`${row} !== undefined`);
+  });
   await page.evaluate(`${row}.click()`);
   await until('what led to it', async () => {
     const atMs = (await momentMs(page)) ?? 0;
@@ -249,7 +237,7 @@ it('the last faults are listed, and lead to two seconds before', async () => {
   await page.findByTestId('jump').click();
   await until('the sheet', has(page, '[data-testid="moment-sheet"][open]'));
   await page.evaluate(`document.querySelectorAll('.moment-ways input')[1].click()`);
-  await until('a fault', has(page, '.incidents li button'), 30_000);
+  await until('a fault', has(page, '.incidents li button'));
   await until('nothing is looked for', async () => {
     const said = await page.evaluate<string>(
       `document.querySelector('.incidents [role=status]').textContent`,

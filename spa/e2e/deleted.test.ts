@@ -26,12 +26,10 @@ const textOf = (page: Page, id: string) =>
 async function lastFaults(page: Page): Promise<string> {
   await page.press('g');
   const tab = 'document.querySelectorAll(".moment-ways input")[1]';
-  await until('the sheet', holds(page, `${tab} !== undefined`), 30_000);
+  await until('the sheet', holds(page, `${tab} !== undefined`));
   await page.evaluate(`${tab}.click()`);
-  await until(
-    'all of them',
-    async () => /in what is kept|that are kept/.test(await textOf(page, 'incidents')),
-    60_000,
+  await until('all of them', async () =>
+    /in what is kept|that are kept/.test(await textOf(page, 'incidents')),
   );
   const said = await textOf(page, 'incidents');
   await page.press('Escape');
@@ -45,13 +43,13 @@ it('a stretch that was deleted leaves an open page, and does not come back with 
   const relay = await stage.stack.relay({ past, robots });
   const { source } = stage.stack.fedEdge(relay, FINE, { profile: 'demo' });
   const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1366, height: 768 } });
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
   source.write(JSON.stringify({ ...JAMMED, once: true }));
   await until('the fault', async () =>
     /^Earlier: Right knee is blocked/.test(await textOf(page, 'fault-line')),
   );
   const isMarked = 'document.querySelector(".track-mark[data-level=fault]") !== null';
-  await until('its mark', holds(page, isMarked), 60_000);
+  await until('its mark', holds(page, isMarked));
   expect(await lastFaults(page)).toContain('Right knee');
   await page.press('b');
   await until('PAST', is(page, 'PAST'));
@@ -62,14 +60,13 @@ it('a stretch that was deleted leaves an open page, and does not come back with 
   await until(
     'recorded beyond it',
     async () => ((await relay.json('/api/v1/robots/demo/past')) as { to_ms: number }).to_ms > faultMs + 2000,
-    60_000,
   );
 
   const time = (atMs: number) => new Date(atMs).toISOString();
   const command = ['past', 'delete', '--yes', '--past', past, '--robot', 'demo'];
   const span = ['--from', time(faultMs - 60_000), '--to', time(faultMs + 2000)];
   await run(path.join(REPO, '.venv/bin/posecast-relay'), [...command, ...span]);
-  await until('another moment', async () => ((await momentMs()) ?? 0) >= faultMs, 60_000);
+  await until('another moment', async () => ((await momentMs()) ?? 0) >= faultMs);
   expect(await page.evaluate<boolean>(isMarked)).toBe(false);
   expect(await lastFaults(page)).toContain('No faults in what is kept.');
   await page.press('e');
@@ -77,7 +74,7 @@ it('a stretch that was deleted leaves an open page, and does not come back with 
   await until('none of it', async () => (await textOf(page, 'fault-line')) === 'No faults');
 
   await page.open(`${relay.url}/?again#/r/demo?t=${time(faultMs)}`);
-  await until('PAST', is(page, 'PAST'), 60_000);
-  await until('another moment', async () => ((await momentMs()) ?? 0) >= faultMs, 60_000);
+  await until('PAST', is(page, 'PAST'));
+  await until('another moment', async () => ((await momentMs()) ?? 0) >= faultMs);
   expect(await lastFaults(page)).toContain('No faults in what is kept.');
 }, 400_000);

@@ -15,7 +15,7 @@ describe('a deployed cloud', () => {
     const page = await stage.open(`${CLOUD.url}/`, { preload: RECORD });
     await page.findByRole('link', /demo/i).click();
     await until('LIVE', is(page, 'LIVE', 'HOLDING'));
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', () => hasSkin(page));
     const first = (await shownSeq(page)) ?? -1;
     await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > first + 30);
     await until('numbers that move', async () => {

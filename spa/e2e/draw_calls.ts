@@ -51,7 +51,7 @@ export async function drawCalls(page: Page): Promise<DrawCalls & { three: number
     const before = await renderedFrames(page);
     await page.findByRole('button', side).click();
     await until('a picture', async () => (await renderedFrames(page)) > before);
-    await until('the camera has come to rest', () => resting(page), 60_000);
+    await until('the camera has come to rest', () => resting(page));
   }
   return page.evaluate('({ ...window.pictures.at(-1), three: window.posecast.scene.drawCalls })');
 }

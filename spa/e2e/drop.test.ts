@@ -61,7 +61,7 @@ describe("a robot from one's own computer", () => {
     const page = await listed();
     await page.evaluate(choose('choose-zip', zipSync({ 'arm/arm.urdf': strToU8(URDF) }), 'arm.zip'));
     const links = () => page.evaluate<Record<string, number[]>>('window.posecast.scene?.linkPoses() ?? {}');
-    await until('a body', async () => Object.keys(await links()).length === 2, 30_000);
+    await until('a body', async () => Object.keys(await links()).length === 2);
     expect(await page.text()).toContain(
       "mesh 'package://arm/meshes/rod.stl' of link 'rod': no such file · line 2",
     );
@@ -91,7 +91,7 @@ describe("a robot from one's own computer", () => {
       page.evaluate<number[] | null>('window.posecast.scene?.signs.balance?.centreOfMass ?? null');
     const entry = () => page.findByTestId('local-balance').text();
     await open('1');
-    await until('the ball', async () => (await ball()) !== null, 30_000);
+    await until('the ball', async () => (await ball()) !== null);
     const low = (await ball())![2]!;
     await enter(page, `document.querySelector('.local-slider input')`, '0.4');
     await until('a quarter of the way', async () => Math.abs((await ball())![2]! - low - 0.1) < 1e-6);
@@ -103,13 +103,13 @@ describe("a robot from one's own computer", () => {
     await until('the ball again', async () => (await ball()) !== null);
     await closed(page);
     await open('nan');
-    await until('the reason', async () => (await page.text()).includes("'nan'; no balance is shown"), 30_000);
+    await until('the reason', async () => (await page.text()).includes("'nan'; no balance is shown"));
     await until('the entry', async () => (await entry()).includes('impossible masses'));
     expect(await ball()).toBeNull();
     await closed(page);
     await open('1', '0 0 -200'); // millimetres
     const far = "link 'rod': a centre of mass 200 m away (millimetres?); no balance is shown";
-    await until('the links that are far', async () => (await page.text()).includes(far), 30_000);
+    await until('the links that are far', async () => (await page.text()).includes(far));
     await until('the entry', async () => (await entry()).includes('impossible masses'));
     expect(await ball()).toBeNull();
   });
@@ -138,9 +138,9 @@ ${mesh('binary', 'd.glb', 4.5)}
     const page = await listed();
     await page.evaluate(choose('choose-zip', zip, 'zoo.zip'));
     const links = () => page.evaluate<string[]>('Object.keys(window.posecast.scene?.linkPoses() ?? {})');
-    await until('a body', async () => (await links()).includes('binary'), 30_000);
+    await until('a body', async () => (await links()).includes('binary'));
     const read = "mesh 'package://zoo/meshes/b.dae': it says Y_UP; ignored, as RViz does";
-    await until('every mesh has been read', async () => (await page.text()).includes(read), 30_000);
+    await until('every mesh has been read', async () => (await page.text()).includes(read));
     const text = await page.text();
     expect(text).toContain("link '<img src=x onerror=alert(1)>'");
     expect(text).not.toMatch(/no such file|of link '(base|collada|wavefront|binary)'/);
@@ -156,7 +156,7 @@ ${mesh('binary', 'd.glb', 4.5)}
       choice.value = 'zoo/parts/arm.urdf';
       choice.dispatchEvent(new Event('change', { bubbles: true }));
     })()`);
-    await until('the other robot', async () => (await links()).includes('rod'), 30_000);
+    await until('the other robot', async () => (await links()).includes('rod'));
   });
 
   it('may be dropped: a folder as it lies on the desktop, or a zip', async (context) => {
@@ -172,7 +172,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     writeFileSync(zip, zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': ROD }));
     for (const what of FULL ? [top, zip] : [top]) {
       await page.dropFiles({ x: 640, y: 300 }, [what]);
-      await until(`a body of ${what}`, async () => (await rods(page)) === 1, 30_000);
+      await until(`a body of ${what}`, async () => (await rods(page)) === 1);
       await until('all of it', async () => (await page.text()).includes('No problems found.'));
       await closed(page);
     }
@@ -187,7 +187,7 @@ ${mesh('binary', 'd.glb', 4.5)}
       document.body.dispatchEvent(new DragEvent('dragover', how));
       document.body.dispatchEvent(new DragEvent('drop', how));
     })()`);
-    await until('a body', async () => (await rods(page)) === 1, 30_000);
+    await until('a body', async () => (await rods(page)) === 1);
   });
 
   it('is told what its meshes say when they have been read: their size, and why one is not shown', async () => {
@@ -195,7 +195,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const millimetres = binaryStl(cubeSoup().map((value) => 300 * value));
     const large = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': millimetres });
     await page.evaluate(choose('choose-zip', large, 'large.zip'));
-    await until('its size', async () => (await page.text()).includes('the robot measures 300 m'), 30_000);
+    await until('its size', async () => (await page.text()).includes('the robot measures 300 m'));
     expect(await page.text()).toContain(
       `link 'rod': its mesh is 300 m long: millimetres? scale="0.001 0.001 0.001" · line 2`,
     );
@@ -205,7 +205,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const broken = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': wrong });
     await page.evaluate(choose('choose-zip', broken, 'broken.zip'));
     const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': the server sent a web page instead of a mesh · line 2`;
-    await until('why', async () => (await page.text()).includes(why), 30_000);
+    await until('why', async () => (await page.text()).includes(why));
   });
 
   it('may be a folder; a bomb is refused with a reason', async () => {

@@ -50,13 +50,13 @@ describe('the page on a host of plain files', () => {
     page.allow(two.host);
     page.forgive(/WebSocket|404/); // it tries its own origin while it waits for config.json
     await page.open(`${host.url}${PREFIX}#/r/demo`);
-    await until('LIVE', isLive(page), 30_000);
+    await until('LIVE', isLive(page));
 
     await page.open(`${host.url}${PREFIX}?relay=${two.url}#/`);
-    await until('the robot of the other', there(page, 'robot-other'), 30_000);
+    await until('the robot of the other', there(page, 'robot-other'));
     expect(await page.findByTestId('relay-host').text()).toContain(two.host);
     await page.findByTestId('robot-other').click();
-    await until('LIVE', isLive(page), 30_000);
+    await until('LIVE', isLive(page));
     const allowed = await page.evaluate<string>(
       `fetch('${one.url}/api/v1/robots').then(() => 'came', () => 'refused')`,
     );
@@ -64,7 +64,7 @@ describe('the page on a host of plain files', () => {
     page.forgive(/Content.Security.Policy|Refused to connect|held back by policy/); // the message differs by browser
 
     await page.open(`${host.url}${PREFIX}?relay=https://evil.example#/r/demo`);
-    await until('refused', there(page, 'relay-refused'), 30_000);
+    await until('refused', there(page, 'relay-refused'));
     expect(await page.findByTestId('relay-refused').text()).toContain('https://evil.example');
   });
 
@@ -79,7 +79,7 @@ describe('the page on a host of plain files', () => {
     page.forgive(/WebSocket|404|not-here/);
     page.forgive(/dynamically imported module|Loading module from|Importing a module script failed/); // the message differs by browser
     await page.open(`${host.url}${PREFIX}#/r/demo`);
-    await until('LIVE', isLive(page), 30_000);
+    await until('LIVE', isLive(page));
     // everything that loads automatically has loaded; later parts would trigger the reload as well
     await until('its filter', holds(page, 'document.querySelector(".filter") !== null'));
     await until('what is said aloud', there(page, 'spoken'));
@@ -92,10 +92,10 @@ describe('the page on a host of plain files', () => {
     const begun = () => page.requested.filter((url) => url.endsWith('/config.json')).length;
     const times = begun();
     await page.findByRole('button', 'Settings').click();
-    await until('loaded anew', async () => begun() > times, 30_000);
+    await until('loaded anew', async () => begun() > times);
     await page.loaded();
     expect(await page.evaluate<boolean>('window.before === true')).toBe(false);
-    await until('LIVE', isLive(page), 30_000);
+    await until('LIVE', isLive(page));
     await page.findByRole('button', 'Settings').click();
     await until('it is there', there(page, 'settings'));
     await page.press('Escape');

@@ -122,7 +122,7 @@ it('an arrow that moves explains itself, green and all, by a tap 15 px beside it
   const moment = demoAt(2);
   stage.stack.fedEdge(relay, { ...moment, ftf: { ...moment.ftf, 'RH.fx': 12 }, wave: arm }, DEMO);
   const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 1280, height: 800 } });
-  await until('shells', () => finest(page), 60_000);
+  await until('shells', () => finest(page));
   await until('arrows', async () => (await signs(page)).wrenches.length === 4);
   const seen: Point[] = [];
   for (let moment = 0; moment < 2; moment++) {

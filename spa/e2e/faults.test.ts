@@ -51,7 +51,7 @@ const robot = stage.share(async (stack, newPage) => {
 async function calm() {
   const { source, page } = await robot();
   source.write(JSON.stringify(FINE));
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
   await until('no faults', async () => {
     if ((await line(page)) === 'No faults') return true;
     await page.evaluate(`document.querySelector('[data-testid=acknowledge]')?.click()`);
@@ -109,7 +109,7 @@ it('stays when the relay restarts and only its past has it', async () => {
 
   await stage.stack.relay(options);
   const page = await stage.open(`${relay.url}/#/r/demo`, { preload: LINES });
-  await until('the past tells', async () => told.test(await line(page)), 30_000);
+  await until('the past tells', async () => told.test(await line(page)));
   expect(await page.evaluate('window.lines')).not.toContain('No faults');
   await page.findByTestId('acknowledge').click();
   await until('acknowledged', async () => (await line(page)) === 'No faults');

@@ -29,7 +29,7 @@ async function press(page: Page, key: string): Promise<void> {
 
 async function shows(page: Page, word: string): Promise<void> {
   told(`**${word}**`);
-  await until(word, async () => (await liveness(page)) === word, 60_000);
+  await until(word, async () => (await liveness(page)) === word);
 }
 
 it('the tutorial finds the fault, looks back at it, links to it and saves it', async (context) => {
@@ -52,7 +52,7 @@ it('the tutorial finds the fault, looks back at it, links to it and saves it', a
 
   told("Press the fault's time in the card");
   const time = `${testId('joint-card')}?.querySelector('button time')`;
-  await until('a past to go to', holds(page, `${time} != null`), 60_000);
+  await until('a past to go to', holds(page, `${time} != null`));
   await page.evaluate(`${time}.parentElement.click()`);
   await shows(page, 'PAST');
   await press(page, 'Space');
@@ -74,9 +74,9 @@ it('the tutorial finds the fault, looks back at it, links to it and saves it', a
   await press(page, 'X');
   await until('the sheet', there(page, 'save'));
   await page.evaluate(`${testId(`save-${told('**Posecast**').replaceAll('*', '').toLowerCase()}`)}.click()`);
-  await until('measured', holds(page, `${testId('save-go')}?.disabled === false`), 30_000);
+  await until('measured', holds(page, `${testId('save-go')}?.disabled === false`));
   await page.evaluate(`${testId('save-go')}.click()`);
-  await until('saved', async () => /^Saved: .*\.posecast/.test(await textOf(page, 'save-outcome')), 60_000);
+  await until('saved', async () => /^Saved: .*\.posecast/.test(await textOf(page, 'save-outcome')));
   const { bytes } = await newestSaved(page);
   const folder = mkdtempSync(path.join(tmpdir(), 'posecast-'));
   try {

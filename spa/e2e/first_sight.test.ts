@@ -54,7 +54,7 @@ async function sightOf(port: number, address: string, viewport = LAPTOP): Promis
     const page = await stage.open(`${link.url}/${address}`, { viewport });
     const look = () => page.evaluate<Sight>(SIGHT);
     for (const mark of ['skeleton', 'skin'])
-      await until(mark, async () => (await look()).marks[mark] !== undefined, 60_000);
+      await until(mark, async () => (await look()).marks[mark] !== undefined);
     const seen = await look();
     const ms = (value = Number.NaN) => `${value.toFixed(0).padStart(6)} ms`;
     for (const { file, startMs, endMs, bytes } of seen.asked)
@@ -70,14 +70,10 @@ async function sightOf(port: number, address: string, viewport = LAPTOP): Promis
 }
 
 async function firstSight(relay: Relay, robot: string): Promise<Sight> {
-  await until(
-    'on air, with a model',
-    async () => {
-      const [found] = ((await relay.json('/api/v1/robots')) as { robots: Listed[] }).robots;
-      return found?.status === 'online' && found.model !== null;
-    },
-    60_000,
-  );
+  await until('on air, with a model', async () => {
+    const [found] = ((await relay.json('/api/v1/robots')) as { robots: Listed[] }).robots;
+    return found?.status === 'online' && found.model !== null;
+  });
   return sightOf(relay.port, `#/r/${robot}`);
 }
 
@@ -149,12 +145,13 @@ it('a recording on a slow line moves nothing before its first pose that it does 
     // what is asked for beside the first segment comes in an order that depends on the machine
     const before = asked.filter(({ startMs }) => startMs <= firstPart.startMs);
     const own = asked.filter(({ file }) => /\.json$|\.segment$|\.glb$|\.keys$/.test(file));
-    expect(
-      own
-        .filter(({ startMs }) => startMs < marks.skeleton!)
-        .map(({ file }) => file)
-        .sort(),
-    ).toEqual(['0.segment', 'low.glb', 'manifest.json', 'recording.json']);
+    const early = own.filter(({ startMs }) => startMs < marks.skeleton!).map(({ file }) => file);
+    // shells may already be on their way
+    expect(early.filter((file) => file !== 'low.glb').sort()).toEqual([
+      '0.segment',
+      'manifest.json',
+      'recording.json',
+    ]);
     expect(before.map(({ file }) => file)).toEqual(
       expect.arrayContaining(['recording.json', 'manifest.json']),
     );

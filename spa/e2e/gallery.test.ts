@@ -35,16 +35,12 @@ async function press(page: Page, moment: string): Promise<void> {
 /** Presses a poster and waits until the body of its frame has moved by itself. */
 async function watch(page: Page, moment: string): Promise<void> {
   await press(page, moment);
-  await until(`a body in the frame of ${moment}`, async () => (await shown(page)) !== null, 60_000);
+  await until(`a body in the frame of ${moment}`, async () => (await shown(page)) !== null);
   const first = await shown(page);
-  await until(
-    `it moves in ${moment}`,
-    async () => {
-      const now = await shown(page);
-      return now !== null && now.seq > (first?.seq ?? 0) && differ(now.links, first?.links ?? {}) > 0.005;
-    },
-    60_000,
-  );
+  await until(`it moves in ${moment}`, async () => {
+    const now = await shown(page);
+    return now !== null && now.seq > (first?.seq ?? 0) && differ(now.links, first?.links ?? {}) > 0.005;
+  });
 }
 
 /** The largest difference of two bodies' links, in metres or in an element of their turns. */

@@ -50,23 +50,15 @@ async function watching(relay: { url: string }, by: 'websocket' | 'segments', se
     viewport: SMALL,
     preload: `${LIGHT};${RECORD};${WITNESS};${SHOWN}`,
   });
-  await until(
-    `LIVE by ${by}`,
-    async () => (await is(page, 'LIVE')()) && (await carrier(page)) === by,
-    60_000,
-  );
-  await until('a body', () => whole(page), 60_000);
+  await until(`LIVE by ${by}`, async () => (await is(page, 'LIVE')()) && (await carrier(page)) === by);
+  await until('a body', () => whole(page));
   return page;
 }
 
 /** Waits until the page has shown this many more frames. */
 async function goesOn(page: Page, frames = 60): Promise<void> {
   const before = (await shownFrames(page)).length;
-  await until(
-    `${frames} frames more`,
-    async () => (await shownFrames(page)).length >= before + frames,
-    60_000,
-  );
+  await until(`${frames} frames more`, async () => (await shownFrames(page)).length >= before + frames);
 }
 
 /** A place may be free for a long time before a page retries; coming back online triggers a retry. */
@@ -131,14 +123,10 @@ it('a relay that is full refuses nobody: who comes then sees the same, behind, a
   // the first viewer leaves
   await first.close();
   const isPlaced = async () => (await carrier(second)) === 'websocket';
-  await until(
-    'a place',
-    async () => {
-      await nudge(second);
-      return until('a place', isPlaced, 3000).catch(() => false);
-    },
-    60_000,
-  );
+  await until('a place', async () => {
+    await nudge(second);
+    return until('a place', isPlaced, 3000).catch(() => false);
+  });
   await until('no longer behind', async () => !/behind/.test(await chipText(second)));
   expect(await behindMs(second)).toBeNull();
   await goesOn(second);
@@ -184,7 +172,7 @@ it.skipIf(!FULL)(
         viewport: { width: 1280, height: 800 },
         preload: `${LIGHT};${RECORD};${SHOWN}`,
       });
-      await until(`by ${by}`, async () => (await carrier(page)) === by, 60_000);
+      await until(`by ${by}`, async () => (await carrier(page)) === by);
       return page;
     };
     const first = await open('websocket');
@@ -204,18 +192,14 @@ it.skipIf(!FULL)(
     const second = await open('segments');
     await second.findByRole('tab', 'Alarms').click();
     const agrees = async (page: Page) => JSON.stringify(await saidOfFaults(page)) === JSON.stringify(told);
-    await until('the same in the lane', () => agrees(second), 60_000).catch(async () =>
+    await until('the same in the lane', () => agrees(second)).catch(async () =>
       expect(await saidOfFaults(second)).toEqual(told),
     );
     await first.close();
-    await until(
-      'a place',
-      async () => {
-        await nudge(second);
-        return until('a place', async () => (await carrier(second)) === 'websocket', 3000).catch(() => false);
-      },
-      60_000,
-    );
+    await until('a place', async () => {
+      await nudge(second);
+      return until('a place', async () => (await carrier(second)) === 'websocket', 3000).catch(() => false);
+    });
     await goesOn(second);
     expect(await saidOfFaults(second), 'nothing twice').toEqual(told);
   },
@@ -234,16 +218,16 @@ describe.skipIf(!FULL)('in the lane', () => {
     const { robot, page } = await inLane(relay);
     await goesOn(page);
     robot.source.signal('SIGSTOP');
-    await until('STALE', is(page, 'STALE'), 30_000);
-    await until('as the robot is', async () => /robot silent/.test(await chipText(page)), 30_000);
+    await until('STALE', is(page, 'STALE'));
+    await until('as the robot is', async () => /robot silent/.test(await chipText(page)));
     expect(await chipText(page)).toMatch(/^STALE\d+(\.\d)? s: robot silent\d s behind$/);
     robot.source.signal('SIGCONT');
-    await until('LIVE again', is(page, 'LIVE'), 30_000);
+    await until('LIVE again', is(page, 'LIVE'));
     robot.stand();
-    await until('HOLDING', is(page, 'HOLDING'), 30_000);
+    await until('HOLDING', is(page, 'HOLDING'));
     expect(await chipText(page)).toMatch(/^HOLDING\d+(\.\d)? s\d s behind$/);
     robot.go();
-    await until('LIVE again', is(page, 'LIVE'), 30_000);
+    await until('LIVE again', is(page, 'LIVE'));
     await goesOn(page);
     await expectRising(page);
     expect(await robot.lies(page)).toEqual([]);
@@ -258,9 +242,9 @@ describe.skipIf(!FULL)('in the lane', () => {
       one.forgive(/WebSocket|Failed to load resource|NetworkError|ERR_|status of 50|CORS|Could not connect/);
     await goesOn(page);
     await relay.process.stop();
-    await until('STALE', is(page, 'STALE'), 30_000);
+    await until('STALE', is(page, 'STALE'));
     await stage.stack.relay(options);
-    await until('LIVE again', is(page, 'LIVE'), 60_000);
+    await until('LIVE again', is(page, 'LIVE'));
     await goesOn(page);
     expect(await robot.lies(page)).toEqual([]);
   });

@@ -66,8 +66,8 @@ it('reads by way of the lane that config.json names, and sends it no token', asy
     const page = await stage.newPage(PRELOAD);
     page.allow(cache.host);
     await page.open(`${host.url}/#/r/demo`);
-    await until('LIVE', is(page, 'LIVE'), 60_000);
-    await until('a body', () => whole(page), 60_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('a body', () => whole(page));
     await until('behind', async () => / s behind$/.test(await chipText(page)));
     await page.findByTestId('liveness').click();
     const explained = () => page.findByTestId('liveness-explained').text();
@@ -83,7 +83,7 @@ it('reads by way of the lane that config.json names, and sends it no token', asy
     const before = cache.asked.length;
     await page.open(`${host.url}/?again#/r/demo?t=L1.demo.1900000000.abcdefgh.signature`);
     page.forgive(/WebSocket|status of 40\d/);
-    await until('a socket', () => page.requested.some(isSocket), 30_000);
+    await until('a socket', () => page.requested.some(isSocket));
     expect(cache.asked.slice(before).filter(({ url }) => url.includes('/robots/demo/'))).toEqual([]);
     expect(cache.asked.filter(({ token }) => token !== undefined)).toEqual([]);
     expect(page.foreign).toEqual([]);
@@ -109,12 +109,12 @@ it.skipIf(!FULL)(
       page.allow(relay.host);
       page.forgive(/ERR_CONNECTION_REFUSED|NetworkError|Could not connect|Load failed/);
       await page.open(`${host.url}/#/r/demo`);
-      await until('LIVE', is(page, 'LIVE'), 60_000);
-      await until('a body', () => whole(page), 60_000);
+      await until('LIVE', is(page, 'LIVE'));
+      await until('a body', () => whole(page));
       expect(await chipText(page)).not.toMatch(/behind/);
       const atRelay = (part: RegExp) =>
         page.requested.some((url) => url.startsWith(`${relay.url}/api/v1/robots/demo/`) && part.test(url));
-      await until('a past', () => atRelay(/\/past\/public\/\d{4}-/), 30_000);
+      await until('a past', () => atRelay(/\/past\/public\/\d{4}-/));
       expect(atRelay(/\/manifest\.json$/)).toBe(true);
       expect(await robot.lies(page)).toEqual([]);
       expect(page.foreign).toEqual([]);
@@ -130,8 +130,8 @@ it.skipIf(!FULL).each([['/'], ['/embed/demo']])(
     const relay = await stage.stack.relay({ past: 'memory:' });
     const robot = new ClockRobot(stage.stack, relay);
     const page = await stage.open(`${relay.url}${at}?lane=segments#/r/demo`, PRELOAD);
-    await until('LIVE', is(page, 'LIVE'), 60_000);
-    await until('a body', () => whole(page), 60_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('a body', () => whole(page));
     await until('behind', async () => / s behind$/.test(await chipText(page)));
     expect(page.requested.filter(isSocket)).toEqual([]);
     expect(await robot.lies(page)).toEqual([]);

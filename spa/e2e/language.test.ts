@@ -53,7 +53,7 @@ async function namesOf(relay: Relay): Promise<Set<string>> {
   return new Set(said.flatMap(wordsOf));
 }
 
-const has = (page: Page, id: string) => until(id, there(page, id), 60_000);
+const has = (page: Page, id: string) => until(id, there(page, id));
 
 it.skipIf(!FULL)(
   'the page speaks Korean to a browser that does, and what is chosen goes before it, without a pause in the stream',
@@ -61,11 +61,11 @@ it.skipIf(!FULL)(
     const relay = await stage.stack.relay();
     stage.stack.fedEdge(relay, { pos: { RKN: 0 }, wave: { pos: { RKN: [0.4, 0.5] } } });
     const page = await stage.open(`${relay.url}/#/`, { preload: `${RECORD}; ${KOREAN}` });
-    await until('the list', async () => (await page.text()).includes('방송 중'), 30_000);
+    await until('the list', async () => (await page.text()).includes('방송 중'));
     expect(await lang(page)).toBe('ko');
     await has(page, 'robot-demo');
     await page.findByTestId('robot-demo').click();
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
     const head = () => page.evaluate<string>('document.querySelector(".joints thead")?.textContent ?? ""');
     await until('a Korean table', async () => (await head()).includes('위치'));
 
@@ -82,7 +82,7 @@ it.skipIf(!FULL)(
     expect(await page.findByRole('button', 'Settings').count()).toBe(1);
     expect((await chips(page)).slice(before), 'nothing has happened to the stream').toEqual([]);
     await page.open(`${relay.url}/?again#/r/demo`);
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
     expect(await lang(page), 'kept').toBe('en');
   },
 );
@@ -108,7 +108,7 @@ it.skipIf(!FULL)(
     await has(page, 'robot-demo');
     await look('list');
     await page.open(`${relay.url}/#/r/demo`);
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', () => hasSkin(page));
     await has(page, 'spoken');
     await until('its filter', holds(page, 'document.querySelector(".filter") !== null'));
     await look('body and table');
@@ -175,11 +175,7 @@ it.skipIf(!FULL)(
     // temperatures fall silent, a joint stalls without a flag, then everything stops
     const { temp: _, ...rest } = demoAt(1);
     source.write(JSON.stringify({ ...rest, ref: { ...rest.ref, RSP: (rest.pos?.RSP ?? 0) + 0.4 } }));
-    await until(
-      'the stalled joint',
-      async () => /RSP/.test(await page.findByTestId('fault-line').text()),
-      30_000,
-    );
+    await until('the stalled joint', async () => /RSP/.test(await page.findByTestId('fault-line').text()));
     await until(
       'their age',
       holds(page, `/전 값/.test(document.querySelector('tr[data-label="RSP"] .c-flags').textContent)`),
@@ -187,7 +183,7 @@ it.skipIf(!FULL)(
     await look('silent and stalled');
     await shot('stalled');
     source.signal('SIGSTOP');
-    await until('STALE', is(page, 'STALE'), 30_000);
+    await until('STALE', is(page, 'STALE'));
     await look('STALE');
     await relay.process.kill();
     await until(
@@ -216,7 +212,7 @@ it.skipIf(!FULL)(
     };
     await page.open(`${relay.url}/#/r/nobody`);
     known.add('nobody');
-    await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
+    await until('OFFLINE', is(page, 'OFFLINE'));
     await look('nobody');
     await page.open(`${relay.url}/?1#/nowhere`);
     known.add('nowhere');
@@ -227,18 +223,17 @@ it.skipIf(!FULL)(
     known.add('relay').add('evil').add('example');
     await look('refused');
     await page.open(`${relay.url}/?3#/r/demo+other`);
-    await until('two', holds(page, '(window.posecast?.scene?.robots?.length ?? 0) === 2'), 60_000);
+    await until('two', holds(page, '(window.posecast?.scene?.robots?.length ?? 0) === 2'));
     await until(
       'names',
       async () =>
         (await page.findByTestId('line-other').text()).includes('LIVE') ||
         (await page.findByTestId('line-other').text()).includes('HOLDING'),
-      60_000,
     );
     for (const word of await namesOf(relay)) known.add(word);
     await look('side by side');
     await page.open(`${relay.url}/embed/?4#/r/demo`);
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', () => hasSkin(page));
     await look('embed');
     expect(left).toEqual({});
   },
@@ -265,7 +260,7 @@ it.skipIf(!FULL)(
     await look('refused files');
     await page.dropFiles({ x: 600, y: 400 }, [BUNDLE]);
     await has(page, 'local-page');
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', () => hasSkin(page));
     // The doctor's findings use the words of `posecast-edge doctor`, so that people can search for them.
     await page.evaluate(
       '[...document.querySelectorAll("[data-testid=findings] li")].map((item) => item.remove())',

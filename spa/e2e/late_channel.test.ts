@@ -36,17 +36,17 @@ it('a joint that comes later is shown without a gap, and the past is as it was b
     preload: WATCH,
     viewport: { width: 1366, height: 768 },
   });
-  await until('a body', () => whole(page), 60_000);
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('a body', () => whole(page));
+  await until('LIVE', is(page, 'LIVE'));
   const track = `document.querySelector('[data-testid="track"]')`;
   const rewindable = (s: number) => async () =>
     page.evaluate<boolean>(`${track} !== null && ${track}.ariaValueMax - ${track}.ariaValueMin >= ${s}`);
-  await until('some past', rewindable(6), 60_000);
+  await until('some past', rewindable(6));
   const links = Object.keys((await body(page))?.links ?? {});
   expect(await has(page, 'LEB')).toBe(false);
 
   source.write(JSON.stringify({ wave: { pos: { ...ARM, ...LATE } } }));
-  await until('the joint', () => has(page, 'LEB'), 30_000);
+  await until('the joint', () => has(page, 'LEB'));
   const wasMs = await page.evaluate<number>('Date.now()');
   await until('a while', async () => (await page.evaluate<number>('Date.now()')) > wasMs + 2000);
   expect(await page.evaluate<number>('window.gaps'), 'pictures without the arm').toBe(0);
@@ -58,7 +58,7 @@ it('a joint that comes later is shown without a gap, and the past is as it was b
   })()`);
   await page.click(at);
   await until('PAST', is(page, 'PAST'));
-  await until('the arm alone', async () => (await has(page, 'RKN')) && !(await has(page, 'LEB')), 30_000);
+  await until('the arm alone', async () => (await has(page, 'RKN')) && !(await has(page, 'LEB')));
   await page.findByTestId('to-live').click();
-  await until('both', async () => (await has(page, 'RKN')) && (await has(page, 'LEB')), 30_000);
+  await until('both', async () => (await has(page, 'RKN')) && (await has(page, 'LEB')));
 });

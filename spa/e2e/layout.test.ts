@@ -52,7 +52,7 @@ function faultyModel(): string {
   return folder;
 }
 
-const has = (page: Page, id: string) => until(id, there(page, id), 60_000);
+const has = (page: Page, id: string) => until(id, there(page, id));
 const tab = (page: Page, name: string) => page.evaluate(`document.getElementById('tab-${name}').click()`);
 
 it('nothing on the page of a robot lies over anything else, whatever there is to say', async () => {
@@ -77,10 +77,10 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   await until('a joint', holds(page, 'document.querySelector("tr[data-label=WST]") !== null'));
   source.write(JSON.stringify({ ...demo, pos: { ...still.pos, WST: null, NKY: null } }));
   await has(page, 'unread-note');
-  await until('too much', async () => /too much/.test(await chipText(page)), 30_000);
+  await until('too much', async () => /too much/.test(await chipText(page)));
   await lookEverywhere(page, 'LIVE', wrongs, NARROW, slow);
   source.signal('SIGSTOP'); // a moving robot is redrawn all the time, which would slow down every size
-  await until('STALE', is(page, 'STALE'), 30_000);
+  await until('STALE', is(page, 'STALE'));
   for (const name of ['Sensors', 'Alarms', 'Plots']) {
     await tab(page, name);
     await until(name, holds(page, `document.querySelector('#panel-${name} > *') !== null`));
@@ -153,7 +153,7 @@ it('nor on the other pages', async () => {
     ['embed', 'embed/left?as=anyone#/r/left', '[data-testid=level]:not([hidden])', some],
   ] as const) {
     await page.open(`${relay.url}/${address}`);
-    await until(what, holds(page, `document.querySelector('${there}') !== null`), 60_000);
+    await until(what, holds(page, `document.querySelector('${there}') !== null`));
     await lookEverywhere(page, what, wrongs, sizes);
   }
   expect(wrongs.lines).toEqual([]);

@@ -36,12 +36,12 @@ it.skipIf(!FULL)(
     const page = await stage.newPage({ viewport: { width: 1280, height: 800 } });
     page.forgive(/WebGL/);
     await page.open(`${relay.url}/#/r/${SIX.join('+')}`);
-    await until('it says so', async () => /no 3D.*light view/i.test(await page.text()), 60_000);
+    await until('it says so', async () => /no 3D.*light view/i.test(await page.text()));
     for (const robot of SIX) {
-      await until(`${robot} has a body`, async () => (await nameAt(page, robot)) !== null, 60_000);
-      await until(`${robot} holds`, async () => (await chip(page, robot)) === 'HOLDING', 60_000);
+      await until(`${robot} has a body`, async () => (await nameAt(page, robot)) !== null);
+      await until(`${robot} holds`, async () => (await chip(page, robot)) === 'HOLDING');
     }
-    await until('six with shells', async () => (await triangles(page)) > SIX.length * 5000, 60_000);
+    await until('six with shells', async () => (await triangles(page)) > SIX.length * 5000);
     const places = await Promise.all(SIX.map((robot) => nameAt(page, robot)));
     expect(places, 'from left to right').toEqual(places.toSorted((a, b) => (a ?? 0) - (b ?? 0)));
     expect(new Set(places).size).toBe(SIX.length);
@@ -53,18 +53,14 @@ it.skipIf(!FULL)(
     await until('a ghost of the jammed one alone', async () => (await signs(2)).ghostLinks.length > 0);
     expect((await signs(0)).ghostLinks).toEqual([]);
     expect((await signs(0)).wrenches).toHaveLength(4);
-    await until(
-      'three seconds of unchanged robots without a picture',
-      async () => {
-        const drawn = await renderedFrames(page);
-        await pause(3000);
-        return (await renderedFrames(page)) === drawn;
-      },
-      60_000,
-    );
+    await until('three seconds of unchanged robots without a picture', async () => {
+      const drawn = await renderedFrames(page);
+      await pause(3000);
+      return (await renderedFrames(page)) === drawn;
+    });
 
     sources[1]!.signal('SIGSTOP');
-    await until('one is STALE', async () => (await chip(page, 'two')) === 'STALE', 30_000);
+    await until('one is STALE', async () => (await chip(page, 'two')) === 'STALE');
     await until('the others hold', async () => (await chip(page, 'one')) === 'HOLDING');
     await until('its colours have drained', () => resting(page));
     await page.screenshot(`light-line-${engineName()}.png`);

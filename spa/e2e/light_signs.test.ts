@@ -51,7 +51,7 @@ it('the light view has the signs of the 3D view: ghost, arc, forces, level, load
     return foot?.force?.level === 'fault';
   });
 
-  await until('HOLDING', is(page, 'HOLDING'), 30_000);
+  await until('HOLDING', is(page, 'HOLDING'));
   await drawsNothing(page, 4);
 });
 
@@ -62,7 +62,7 @@ it('the light view says balance in words and numbers, draws the other signs as w
   page.forgive(/WebGL/);
   await page.open(`${relay.url}/#/r/demo`);
   await shown(page);
-  await until('its sentence', there(page, 'balance-line'), 60_000);
+  await until('its sentence', there(page, 'balance-line'));
   expect(await page.findByTestId('balance-line').text()).toMatch(/\d+\smm/);
   const { level } = await signs(page);
   expect(await page.evaluate('window.posecast.scene.signs.balance')).toBeNull();
@@ -70,6 +70,6 @@ it('the light view says balance in words and numbers, draws the other signs as w
   expect(level.planeZ).not.toBeNull();
   expect((await labels(page)).filter((label) => /^margin/.test(label))).toEqual([]);
   await page.findByRole('button', 'signs').click();
-  await until('the entry', there(page, 'balance-entry'), 30_000);
+  await until('the entry', there(page, 'balance-entry'));
   expect(await page.findByTestId('balance-entry').text()).toMatch(/Only the 3D view draws its signs/);
 });

@@ -21,17 +21,12 @@ describe('robots side by side', () => {
     const page = await stage.open(`${relay.url}/r/bare+whole+nobody`);
     const text = (robot: string) =>
       page.evaluate<string>(`document.querySelector('[data-testid="numbers-${robot}"]')?.textContent ?? ''`);
-    await until('its numbers', async () => /RKN pos.0\.900 rad/.test(await text('bare')), 60_000);
+    await until('its numbers', async () => /RKN pos.0\.900 rad/.test(await text('bare')));
     expect(await text('bare')).toContain('It sent no model');
-    await until(
-      'one that is not there says so',
-      async () => (await text('nobody')).includes('OFFLINE'),
-      30_000,
-    );
+    await until('one that is not there says so', async () => (await text('nobody')).includes('OFFLINE'));
     await until(
       'the other has its body',
       holds(page, `document.querySelector('[data-testid="line-whole"]')?.style.visibility === 'visible'`),
-      60_000,
     );
     expect(await text('whole')).toBe('');
     await page.screenshot('row-without-a-body.png');
@@ -51,7 +46,6 @@ describe('robots side by side', () => {
       await until(
         `${robot} is on air`,
         async () => (await page.findByTestId(`robot-${robot}`).count()) === 1,
-        30_000,
       );
     }
     await page.findByRole('button', 'View side by side').click();
@@ -69,13 +63,12 @@ describe('robots side by side', () => {
         return label?.style.visibility === 'visible' ? label.getBoundingClientRect().x : -1;
       })()`);
     for (const robot of ['one', 'two', 'three']) {
-      await until(`${robot} is LIVE`, async () => (await chip(robot)) === 'LIVE', 60_000);
-      await until(`${robot} has a body`, async () => (await at(robot)) >= 0, 60_000);
+      await until(`${robot} is LIVE`, async () => (await chip(robot)) === 'LIVE');
+      await until(`${robot} has a body`, async () => (await at(robot)) >= 0);
     }
     await until(
       'three bodies with shells',
       async () => (await page.evaluate<number>('window.posecast.scene.triangles')) > 3 * 5000,
-      60_000,
     );
     const [one, two, three] = [await at('one'), await at('two'), await at('three')];
     expect(one).toBeLessThan(two);
@@ -92,7 +85,7 @@ describe('robots side by side', () => {
     expect(calls).toBeLessThanOrEqual(3 * CALLS_PER_ROBOT + CALLS_AROUND);
 
     source.signal('SIGSTOP');
-    await until('one of them is STALE', async () => (await chip('two')) === 'STALE', 30_000);
+    await until('one of them is STALE', async () => (await chip('two')) === 'STALE');
     await until('it alone', async () => (await chip('one')) === 'LIVE' && (await chip('three')) === 'LIVE');
     const before = await renderedFrames(page);
     await until('the others go on', async () => (await renderedFrames(page)) > before + 3);

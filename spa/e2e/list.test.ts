@@ -24,9 +24,9 @@ it('a robot that has left stands no more under "On air"; nobody watching is not 
   );
   stage.stack.fedEdge(relay, SWINGING, { robot: 'here' });
   const leaves = stage.stack.fedEdge(relay, SWINGING, { robot: 'leaves' });
-  await until('both', async () => (await names(page, 'robots')).length === 2, 30_000);
+  await until('both', async () => (await names(page, 'robots')).length === 2);
   await leaves.edge.stop();
-  await until('it is below', async () => (await names(page, 'gone-robots')).join() === 'leaves', 30_000);
+  await until('it is below', async () => (await names(page, 'gone-robots')).join() === 'leaves');
   expect(await names(page, 'robots')).toEqual(['here']);
   expect(await page.evaluate<string>("document.querySelector('.list').textContent")).not.toMatch(/0 viewers/);
 });
@@ -37,7 +37,7 @@ it('an address without # leads to its robot, and a mistyped one to a sentence an
   const page = await stage.newPage();
   page.forgive(/404/); // the browser itself logs this about the page
   await page.open(`${relay.url}/r/demo`);
-  await until('LIVE', is(page, 'LIVE'), 30_000);
+  await until('LIVE', is(page, 'LIVE'));
   expect(await path(page)).toBe('/r/demo#/r/demo');
   await page.open(`${relay.url}/robots/demo`);
   await until('said so', async () =>
@@ -46,6 +46,6 @@ it('an address without # leads to its robot, and a mistyped one to a sentence an
     ),
   );
   await page.findByRole('link', 'All robots').click();
-  await until('the list', async () => (await names(page, 'robots')).join() === 'demo', 30_000);
+  await until('the list', async () => (await names(page, 'robots')).join() === 'demo');
   expect(await path(page)).toBe('/#/');
 });

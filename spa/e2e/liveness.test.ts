@@ -68,8 +68,7 @@ describe('the four words', () => {
     const relay = await stage.stack.relay({ viewFrames: 7 });
     const { source } = stage.stack.fedEdge(relay, SWINGING);
     const page = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD, viewport: PHONE });
-    const says = (what: string, word: RegExp) =>
-      until(what, async () => word.test(await chipText(page)), 30_000);
+    const says = (what: string, word: RegExp) => until(what, async () => word.test(await chipText(page)));
     await says('that it sends too much', /^LIVE.*robot sends too much$/);
     const before = (await chips(page)).length; // it may have been OFFLINE if the page opened first
     await page.screenshot('over-share-phone.png');
@@ -130,7 +129,7 @@ describe('the four words', () => {
       link.fault({ frozen: true });
       await isLost();
       link.heal();
-      await until('LIVE again', is(page, 'LIVE'), 30_000);
+      await until('LIVE again', is(page, 'LIVE'));
 
       const before = (await chips(page)).length;
       link.cut();
@@ -143,7 +142,7 @@ describe('the four words', () => {
       await relay.process.kill();
       await isLost();
       await stage.stack.relay({ httpPort: relay.port, zenohPort: Number(relay.zenoh.split(':').at(-1)) });
-      await until('LIVE again', is(page, 'LIVE'), 60_000);
+      await until('LIVE again', is(page, 'LIVE'));
     } finally {
       await link.close();
     }
@@ -168,7 +167,7 @@ describe('the four words', () => {
         const watched = [];
         for (const [robot, expected] of Object.entries(said)) {
           const page = await stage.open(`${link.url}/#/r/${robot}`, { preload: RECORD });
-          await until(expected, is(page, expected), 60_000);
+          await until(expected, is(page, expected));
           watched.push({ page, robot, expected });
         }
         // a page that opens beside another may need the whole machine: count from when all are up

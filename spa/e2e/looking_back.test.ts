@@ -69,7 +69,7 @@ const quantile = (values: readonly number[], part: number) =>
 async function rewindable(page: Page): Promise<void> {
   const seconds = AT === undefined ? 12 : 60;
   const span = `(() => { const track = ${track}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds}; })()`;
-  await until('a past', holds(page, span), 60_000);
+  await until('a past', holds(page, span));
 }
 
 it.skipIf(!FULL)(
@@ -81,8 +81,8 @@ it.skipIf(!FULL)(
     const link = await FaultyLink.open(Number(url.port));
     const visit = async (): Promise<Page> => {
       const page = await stage.open(`${link.url}/${url.hash}`, { viewport: { width: 1366, height: 768 } });
-      await until('LIVE', is(page, 'LIVE'), 60_000);
-      await until('a body', () => whole(page), 60_000);
+      await until('LIVE', is(page, 'LIVE'));
+      await until('a body', () => whole(page));
       await rewindable(page);
       await page.evaluate(HAND);
       return page;

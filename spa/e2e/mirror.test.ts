@@ -44,7 +44,7 @@ async function mirrored(then: (at: Mirrored) => Promise<void>): Promise<void> {
     page.allow(new URL(relay.url).host);
     page.allow(new URL(db.url).host);
     await page.open(`${host.url}/?source=firebase#/r/demo`);
-    await until('LIVE', is(page, 'LIVE'), 60_000);
+    await until('LIVE', is(page, 'LIVE'));
     await then({ page, source, edge, relay: relay.process, db });
   } finally {
     await host.close();
@@ -57,7 +57,7 @@ const cause = (page: Page) =>
 it('is read from the database alone, twice a second, and the page says so', async () => {
   await mirrored(async ({ page, source, relay, db }) => {
     const seen = (await shownSeq(page)) ?? 0;
-    await until('poses go on', async () => ((await shownSeq(page)) ?? 0) > seen + 60, 30_000);
+    await until('poses go on', async () => ((await shownSeq(page)) ?? 0) > seen + 60);
     expect(
       page.requested.filter((url) => /\/live/.test(url)),
       'no stream of the relay',
@@ -83,24 +83,24 @@ it('is read from the database alone, twice a second, and the page says so', asyn
 
     await db.becomes({ cut: true });
     await db.becomes({});
-    await until('another connection', async () => requests(page, db.url) > 1, 30_000);
-    await until('LIVE on it', is(page, 'LIVE'), 30_000);
+    await until('another connection', async () => requests(page, db.url) > 1);
+    await until('LIVE on it', is(page, 'LIVE'));
 
     await relay.stop();
     await until(
       'nobody writes',
       async () => (await is(page, 'STALE')()) && (await cause(page)) !== 'robot silent',
     );
-    await until('and it knows', async () => (await cause(page)) === 'relay degraded', 30_000);
+    await until('and it knows', async () => (await cause(page)) === 'relay degraded');
   });
 });
 
 it.skipIf(!FULL)('a robot that leaves is offline; a mirror that is closed is asked for no more', async () => {
   await mirrored(async ({ page, edge, db }) => {
     await edge.stop();
-    await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
+    await until('OFFLINE', is(page, 'OFFLINE'));
     await db.becomes({ cancel: true });
-    await until('not shared', async () => /not shared with you/.test(await page.text()), 30_000);
+    await until('not shared', async () => /not shared with you/.test(await page.text()));
   });
 });
 

@@ -41,7 +41,7 @@ async function shown(
   );
   meanwhile();
   const page = await stage.open(`${relay.url}/#/r/${robot}`);
-  await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 30_000);
+  await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0);
   return page;
 }
 
@@ -155,7 +155,7 @@ describe('a built model', () => {
       holds(page, `caches.open('posecast-levels-1').then(async (c) => (await c.keys()).length === 1)`),
     );
     await page.open(`${relay.url}/#/r/second`);
-    await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 30_000);
+    await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0);
     await until('the manifest', () => asked(page, 'manifest.json') === 2);
     await pause(500);
     expect(asked(page, 'low.glb')).toBe(1);

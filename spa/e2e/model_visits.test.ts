@@ -33,13 +33,13 @@ describe('a model', () => {
     const before = stage.stack.fedEdge(relay, POSE, { robot: 'demo', model: (await built(5)).folder });
     await onAir(relay, 'demo');
     const page = await stage.open(`${relay.url}/#/r/demo`);
-    await until('the first model', async () => (await linkCount(page)) === 5, 30_000);
+    await until('the first model', async () => (await linkCount(page)) === 5);
     page.forgive(/Failed to load resource/); // requests to an edge that is just disconnecting
     await page.evaluate('window.stayed = true');
     await before.edge.stop();
     await before.source.stop();
     stage.stack.fedEdge(relay, POSE, { robot: 'demo', model: (await built(8)).folder });
-    await until('the second model', async () => (await linkCount(page)) === 8, 30_000);
+    await until('the second model', async () => (await linkCount(page)) === 8);
     expect(await page.evaluate<boolean>('window.stayed === true')).toBe(true);
     await until('moving', async () => Math.abs((await body(page))?.links.link1?.[0] ?? 1) < 1);
   });

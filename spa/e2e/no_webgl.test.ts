@@ -23,7 +23,7 @@ const theme = (page: Page, name: string) =>
 async function open(page: Page, url: string): Promise<void> {
   page.forgive(/WebGL/); // the browser's own error when a context is requested
   await page.open(url);
-  await until('a body', async () => (await triangles(page)) > 500, 60_000);
+  await until('a body', async () => (await triangles(page)) > 500);
 }
 
 describe('a browser without 3D', () => {
@@ -35,7 +35,7 @@ describe('a browser without 3D', () => {
       await page.evaluate<boolean>('document.createElement("canvas").getContext("webgl2") === null'),
     ).toBe(true);
     await until('LIVE', is(page, 'LIVE', 'HOLDING'));
-    await until('a table that goes on', async () => (await shownPositions(page)).size > 20, 30_000);
+    await until('a table that goes on', async () => (await shownPositions(page)).size > 20);
     expect(await page.findByTestId('view-note').text()).toMatch(/no 3D.*light view/i);
     expect(page.requested.filter((url) => /\/three[.-]/.test(url))).toEqual([]);
     const before = await renderedFrames(page);
@@ -61,7 +61,7 @@ describe('a browser without 3D', () => {
 
     await page.viewport({ width: 640, height: 400 });
     await page.open(`${relay.url}/embed/#/r/demo`);
-    await until('a body', async () => (await triangles(page)) > 500, 60_000);
+    await until('a body', async () => (await triangles(page)) > 500);
     await until(
       'a robot as large as its frame',
       holds(
@@ -85,11 +85,11 @@ describe('a browser without 3D', () => {
     );
     const page = await stage.newPage();
     await open(page, `${relay.url}/#/r/demo`);
-    await until('HOLDING', is(page, 'HOLDING'), 30_000);
+    await until('HOLDING', is(page, 'HOLDING'));
     await until('at rest', () => resting(page));
     const before = await renderedFrames(page);
     const seq = (await shownSeq(page)) ?? 0;
-    await until('frames go on', async () => ((await shownSeq(page)) ?? 0) > seq + 9, 20_000); // one each half second
+    await until('frames go on', async () => ((await shownSeq(page)) ?? 0) > seq + 9); // one each half second
     expect(await renderedFrames(page), 'pictures drawn in 5 s of an unchanged robot').toBe(before);
 
     const middle = `(() => {
@@ -107,7 +107,7 @@ describe('a browser without 3D', () => {
     await shot(page, 'side-highlight');
 
     source.signal('SIGSTOP');
-    await until('STALE', is(page, 'STALE'), 20_000);
+    await until('STALE', is(page, 'STALE'));
     await until('drained', () => resting(page));
     await shot(page, 'stale');
   });

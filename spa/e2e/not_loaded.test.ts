@@ -31,12 +31,12 @@ describe('a page that is opened while its proxy restarts', () => {
     const page = await stage.newPage({ preload });
     page.forgive(/status of 502|MIME type/);
     await page.open(`${gate.url}${at}`);
-    await until('it says so', async () => sentence.test(await page.text()), 30_000);
+    await until('it says so', async () => sentence.test(await page.text()));
     await page.screenshot(`not-loaded-${name.replaceAll(' ', '-')}.png`);
     const before = page.requested.length;
-    await until('it tries again', async () => page.requested.length > before, 30_000);
+    await until('it tries again', async () => page.requested.length > before);
     gate.answer = () => null;
-    await until('LIVE', is(page, 'LIVE'), 90_000);
+    await until('LIVE', is(page, 'LIVE'));
     expect(await page.text()).not.toMatch(sentence);
   });
 
@@ -49,8 +49,8 @@ describe('a page that is opened while its proxy restarts', () => {
     };
     const page = await stage.open(`${gate.url}/#/r/demo`);
     const chip = `getComputedStyle(document.querySelector('.robot-page')).display`;
-    await until('LIVE', is(page, 'LIVE'), 60_000);
-    await until('its looks', async () => (await page.evaluate<string>(chip)) !== 'block', 60_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('its looks', async () => (await page.evaluate<string>(chip)) !== 'block');
     expect(refused).toBe(2);
   });
 });

@@ -60,7 +60,7 @@ it('a board that falls silent, another set of joints and names that bite: table,
   const odd = ['<img src=x onerror="window.bitten=true">', '__proto__', '=1+1', `LKN${'x'.repeat(190)}`];
   const values = (value: number) => Object.fromEntries(odd.map((name) => [name, value]));
   stage.stack.fedEdge(relay, { pos: values(0.5), cur: values(2) });
-  await until('the filter holds', async () => (await rows(page)).join() === odd[3], 30_000);
+  await until('the filter holds', async () => (await rows(page)).join() === odd[3]);
   await until('the card says so', async () =>
     (await text(page, '[data-testid=joint-card]')).includes('This robot has no such joint now.'),
   );
@@ -111,7 +111,7 @@ it('a robot without a model plots itself; its skeleton takes that place, can be 
     page.evaluate<string[]>(
       `[...document.querySelectorAll('[data-testid=own-trace]')].map((entry) => entry.dataset.label)`,
     );
-  await until('what moves is among the first', async () => (await legend()).includes('bend'), 30_000);
+  await until('what moves is among the first', async () => (await legend()).includes('bend'));
   expect(await text(page, '[data-testid=self-plots]')).toContain('--urdf FILE');
   await page.viewport({ width: 390, height: 844 });
   const flagLines = `document.querySelector('.self-plots-say code').lastChild.getClientRects().length`;
@@ -126,7 +126,7 @@ it('a robot without a model plots itself; its skeleton takes that place, can be 
   writeFileSync(urdf, BARE_ARM);
   const { source } = stage.stack.fedEdge(relay, moving, { urdf });
   const scene = <T>(code: string) => page.evaluate<T>(`window.posecast.scene${code}`);
-  await until('its skeleton', () => scene<boolean>('?.triangles > 500'), 90_000);
+  await until('its skeleton', () => scene<boolean>('?.triangles > 500'));
   expect(await page.findByTestId('self-plots').count()).toBe(0);
   expect(await page.evaluate<boolean>('window.sameDocument')).toBe(true);
   const tapped = `(() => {

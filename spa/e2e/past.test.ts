@@ -22,7 +22,6 @@ async function rewindable(page: Page, seconds: number): Promise<void> {
       `(() => {
           const track = ${testId('track')}; return track !== null && track.ariaValueMax - track.ariaValueMin >= ${seconds}; })()`,
     ),
-    60_000,
   );
 }
 
@@ -41,8 +40,8 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     const relay = await stage.stack.relay({ past: 'memory:' });
     const robot = new ClockRobot(stage.stack, relay);
     const page = await stage.open(`${relay.url}/#/r/demo`, { preload: `${RECORD};${WITNESS}`, viewport });
-    await until('LIVE', is(page, 'LIVE'), 60_000);
-    await until('a body', () => whole(page), 60_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('a body', () => whole(page));
     await rewindable(page, 12);
     await page.screenshot(`time-line-${viewport.width}.png`);
 
@@ -71,9 +70,13 @@ it.each(FULL ? [LAPTOP, PHONE] : [LAPTOP])(
     });
     const other = await stage.newPage({ viewport });
     await other.open(link!);
-    await until('PAST', is(other, 'PAST'), 60_000);
-    await until('a body', () => whole(other), 60_000);
-    await until('the same frame', async () => (await shown(other)).seq === (await shown(page)).seq);
+    await until('PAST', is(other, 'PAST'));
+    await until('a body', () => whole(other));
+    await until('the same frame', async () => {
+      const [here, there] = [await shown(page), await shown(other)];
+      if (here.seq !== there.seq) throw new Error(JSON.stringify([here, there, link]));
+      return true;
+    });
     await other.close();
 
     // live, past and live again
@@ -111,8 +114,8 @@ it('a moment has its link while presented, and one that can’t be shown is name
   const relay = await stage.stack.relay({ past: 'memory:' });
   new ClockRobot(stage.stack, relay);
   const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: LAPTOP });
-  await until('LIVE', is(page, 'LIVE'), 60_000);
-  await until('a body', () => whole(page), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
+  await until('a body', () => whole(page));
   await rewindable(page, 12);
   const text = (id: string) => page.evaluate<string>(`${testId(id)}?.textContent ?? ''`);
   const address = () => page.evaluate<string>('location.href');
@@ -151,20 +154,16 @@ it('a moment has its link while presented, and one that can’t be shown is name
   const link = (t: string) => `${relay.url}/#/r/demo?t=${t}`;
   const old = /[123] Jan (2026 )?.*is no longer kept; this is the oldest moment, \d\d:\d\d:\d\d/;
   await page.open(link('2026-01-02T12:00:00.000Z'));
-  await until('the banner names it', async () => old.test(await text('stage-note')), 60_000);
+  await until('the banner names it', async () => old.test(await text('stage-note')));
   expect(await text('past-note')).toMatch(old);
   await page.open('about:blank');
   await page.open(link('2199-01-02T12:00:00.000Z'));
-  await until('it has not come', async () => /2199.*in the future/.test(await text('past-note')), 60_000);
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('it has not come', async () => /2199.*in the future/.test(await text('past-note')));
+  await until('LIVE', is(page, 'LIVE'));
   await page.open('about:blank');
   await page.open(link('hello'));
-  await until(
-    'no moment',
-    async () => /moment in this link can’t be read/.test(await text('past-note')),
-    60_000,
-  );
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('no moment', async () => /moment in this link can’t be read/.test(await text('past-note')));
+  await until('LIVE', is(page, 'LIVE'));
 }, 240_000);
 
 it('a link to a moment says so where there is no past, and shows what is live', async () => {
@@ -175,6 +174,6 @@ it('a link to a moment says so where there is no past, and shows what is live', 
       (await page.evaluate<string>(`${testId('past-note')}?.textContent ?? ''`)) ?? '',
     ),
   );
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
   await page.close();
 });

@@ -12,23 +12,19 @@ const ONE_MM = 0.001;
 /** Stops the robot's edge and waits until page, scene and tap have its last frame. */
 async function frozen(page: Page, edge: Process, tap: Tap): Promise<{ shown: Body; sent: TappedFrame }> {
   // First waits for its meshes: without them, it stands on what has loaded so far, and a stopped edge sends no more.
-  await until('the body is whole', () => whole(page), 60_000);
+  await until('the body is whole', () => whole(page));
   page.forgive(/status of 503/); // a part of its model that the page is just requesting can't be had from a stopped edge
   edge.signal('SIGSTOP');
   let before = '';
   // All values equal twice in a row: on a busy machine page and tap may both be late, and the body is played with a delay.
-  const shown = await until(
-    'page, body and tap stand at its last frame',
-    async () => {
-      const rests = await resting(page);
-      const now = await body(page);
-      const last = before;
-      before = JSON.stringify(now);
-      const there = now !== null && Object.keys(now.links).length > 0 && now.seq === tap.newest?.seq;
-      return rests && there && before === last ? now : null;
-    },
-    30_000,
-  );
+  const shown = await until('page, body and tap stand at its last frame', async () => {
+    const rests = await resting(page);
+    const now = await body(page);
+    const last = before;
+    before = JSON.stringify(now);
+    const there = now !== null && Object.keys(now.links).length > 0 && now.seq === tap.newest?.seq;
+    return rests && there && before === last ? now : null;
+  });
   const sent = await until('the tap has the frame', () => tap.frame(shown.seq));
   edge.signal('SIGCONT');
   return { shown, sent };

@@ -38,11 +38,11 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
   stage.stack.fedEdge(relay, demoAt(42), DEMO);
   const page = await stage.open(`${relay.url}/#/`, { preload: CHOSEN, media: { motion: 'reduce' } });
   await page.findByTestId('robot-demo').click();
-  await until('the fault', async () => /RKN/.test(await page.findByTestId('fault-line').text()), 60_000);
-  await until('a body', holds(page, '(window.posecast?.scene?.triangles ?? 0) > 1000'), 60_000);
+  await until('the fault', async () => /RKN/.test(await page.findByTestId('fault-line').text()));
+  await until('a body', holds(page, '(window.posecast?.scene?.triangles ?? 0) > 1000'));
   await page.press('p');
   await until('presented', () => presented(page));
-  await until('in the address', async () => (await hash(page)) === '#/r/demo?load=cur&present', 10_000);
+  await until('in the address', async () => (await hash(page)) === '#/r/demo?load=cur&present');
   expect(await page.findByTestId('present-faults').text()).toMatch(
     /Right knee is blocked: 0\.\d+ rad off for [\d.]+ s\.\s*RKN/,
   );
@@ -50,7 +50,7 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
 
   await page.press('Escape');
   await until('the page again', async () => !(await presented(page)));
-  await until('not in the address', async () => !/present/.test(await hash(page)), 10_000);
+  await until('not in the address', async () => !/present/.test(await hash(page)));
   await until('its bar', holds(page, `document.querySelector('.top').checkVisibility()`));
   await page.viewport({ width: 390, height: 844 });
   await page.press('s');
@@ -65,12 +65,12 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
 
   await page.viewport({ width: 960, height: 540 });
   await page.open(`${relay.url}/embed/demo#/r/demo?present`);
-  await until('a frame in slides', () => presented(page), 30_000);
-  await until('legible', async () => (await tooSmall(page)).length === 0, 30_000);
+  await until('a frame in slides', () => presented(page));
+  await until('legible', async () => (await tooSmall(page)).length === 0);
   await page.screenshot('present-embed.png');
   // the largest last: 4K pictures in software keep a busy machine busy for a long time
   await page.open(`${relay.url}/?again#/r/demo?present`);
-  await until('opened so', () => presented(page), 30_000);
+  await until('opened so', () => presented(page));
   for (const size of PROJECTORS) {
     for (const [language, theme] of [
       ['en', 'dark'],
@@ -99,6 +99,6 @@ it('is read from the last row: by key, by the sheet, by a link, also in a frame'
       });
     }
     await page.viewport(UPRIGHT);
-    await until('beside the body', async () => (await overBody(page)).length === 0, 10_000);
+    await until('beside the body', async () => (await overBody(page)).length === 0);
   }
 });

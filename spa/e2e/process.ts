@@ -68,7 +68,7 @@ export class Process {
   }
 
   /** Waits for a line of either output that matches. */
-  line(pattern: RegExp, deadlineMs = 30_000): Promise<RegExpMatchArray> {
+  line(pattern: RegExp, deadlineMs = 100_000): Promise<RegExpMatchArray> {
     return until(
       `${this.name} prints ${pattern}`,
       () => {

@@ -81,11 +81,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       expect(await page.evaluate<string>('document.title')).toBe(`RECORDED · ${TOLD.title} · Posecast`);
       expect(await textOf(page, 'stage-note')).toMatch(/^Recorded: \d+ [A-Z][a-z]+ 20\d\d/);
       expect(await page.evaluate<string>('window.posecast.twin.liveness')).toBe('RECORDED');
-      await until(
-        'a screen reader is told',
-        async () => /recorded/.test(await textOf(page, 'spoken')),
-        30_000,
-      );
+      await until('a screen reader is told', async () => /recorded/.test(await textOf(page, 'spoken')));
       expect(await page.findByTestId('to-live').count()).toBe(0);
       expect(await page.text()).toContain(TOLD.title);
       await page.screenshot(`recording-${viewport.width}.png`);
@@ -105,7 +101,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       });
       await page.press('Shift+ArrowRight');
       await page.press('Space');
-      await until('its end', atEnd(page, lecture), 60_000);
+      await until('its end', atEnd(page, lecture));
       await until('it rests there', async () => /Play/.test(await playName(page)));
       expect(await liveness(page)).toBe('RECORDED');
       await page.press('Space');
@@ -162,7 +158,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       await isRecorded(page);
       await until('the same frame', async () => (await shown(page)).seq === rests.seq);
       const names = (what: string, moment: RegExp) =>
-        until(what, async () => moment.test(await textOf(page, 'past-note')), 30_000);
+        until(what, async () => moment.test(await textOf(page, 'past-note')));
       await page.open('about:blank');
       await page.open(`${host.url}${PREFIX}#/?t=2026-01-02T12:00:00.000Z`);
       await isRecorded(page);
@@ -170,7 +166,7 @@ it.each(FULL ? [LAPTOP, PHONE] : [PHONE])(
       await page.open(`${host.url}${PREFIX}#/?t=2199-01-02T12:00:00.000Z`);
       await names('of another', /2199.* is not in this recording/);
       await page.open(`${host.url}${PREFIX}#/?t=hello`);
-      await until('no moment', async () => /names no moment/.test(await textOf(page, 'past-note')), 30_000);
+      await until('no moment', async () => /names no moment/.test(await textOf(page, 'past-note')));
       await isRecorded(page);
       // the judge itself: a recorded pose that is called live for longer than a glance is a lie
       await until('pictures that would be lies', async () => {
@@ -250,7 +246,7 @@ it('parts that are missing, cut or swapped are gaps that the page counts', async
     await page.press(']');
     await page.press(']');
     await page.press('Space');
-    await until('its end', atEnd(page, lecture), 90_000);
+    await until('its end', atEnd(page, lecture));
     expect(await textOf(page, 'recording-lost')).toBe(
       `3 of ${lecture.segments.length} parts are missing or damaged.`,
     );
@@ -273,12 +269,12 @@ it('with its host gone it plays what it has, says so, and goes on when the host 
     await page.press('Space');
     await until('it plays', async () => (await shown(page)).seq > first.seq + 5);
     await host.close();
-    await until('it says so', async () => /does not answer/.test(await textOf(page, 'past-note')), 60_000);
+    await until('it says so', async () => /does not answer/.test(await textOf(page, 'past-note')));
     const held = (await shown(page)).seq;
     expect(await liveness(page)).toBe('RECORDED');
     host = await Host.open(lecture.at, PREFIX, port);
-    await until('it goes on', async () => (await shown(page)).seq > held + 60, 60_000);
-    await until('its end', atEnd(page, lecture), 90_000);
+    await until('it goes on', async () => (await shown(page)).seq > held + 60);
+    await until('its end', atEnd(page, lecture));
     expect(await page.findByTestId('recording-lost').count()).toBe(0);
   } finally {
     await host.close();
@@ -320,7 +316,7 @@ it('in a frame of another page it has its chip, a button that plays it and a sli
     const noted = new Date(lecture.fromMs + 4000 + 50).toISOString();
     await page.open(`${host.url}${PREFIX}embed/index.html#/?t=${noted}`);
     await isRecorded(page);
-    await until('the note', async () => (await textOf(page, 'note-caption')) === TOLD.notes[1][1], 30_000);
+    await until('the note', async () => (await textOf(page, 'note-caption')) === TOLD.notes[1][1]);
     expect(await page.evaluate<number>(`${testId('note-caption')}.clientHeight`)).toBeLessThan(60);
     await page.screenshot('recording-framed-note.png');
     const first = await shown(page);

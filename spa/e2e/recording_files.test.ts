@@ -37,7 +37,7 @@ const posed = (page: Page) =>
     return now.momentMs !== null && now.offMs < NEAR_MS ? now : null;
   });
 
-const isList = (page: Page) => until('the list', there(page, 'choose-zip'), 30_000);
+const isList = (page: Page) => until('the list', there(page, 'choose-zip'));
 
 it('a .posecast file that is chosen is shown, and what is none says so in one sentence', async () => {
   const { file: lecture, page } = await shared();
@@ -52,7 +52,7 @@ it('a .posecast file that is chosen is shown, and what is none says so in one se
     ['recording.json', Buffer.from('{}'), /whole folder/],
   ] as const) {
     await page.evaluate(choose('choose-zip', new Map([[name, file]])));
-    await until(name, async () => says.test(await refusal()), 30_000);
+    await until(name, async () => says.test(await refusal()));
   }
   const before = page.requested.length;
   await page.evaluate(choose('choose-zip', new Map([['lecture.posecast', bytes]])));
@@ -76,11 +76,11 @@ it('a folder that is dropped is shown, on the page of a robot too', async (conte
   await isRecorded(page);
   await posed(page);
   await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', is(page, 'LIVE'), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
   await page.dropFiles({ x: 400, y: 300 }, [folder]);
   await isRecorded(page);
   await page.findByRole('button', 'Close the recording').click();
-  await until('LIVE again', is(page, 'LIVE'), 60_000);
+  await until('LIVE again', is(page, 'LIVE'));
 }, 240_000);
 
 const newer = '{"format": "posecast-recording", "version": 2}';

@@ -26,7 +26,7 @@ export const TOLD = {
 } as const satisfies Told;
 
 export const isRecorded = (page: Page) =>
-  until('RECORDED, with a body', async () => (await is(page, 'RECORDED')()) && whole(page), 60_000);
+  until('RECORDED, with a body', async () => (await is(page, 'RECORDED')()) && whole(page));
 
 /** A robot whose pose encodes the time, and an export of its first seconds. */
 export async function recorded(stack: Stack, seconds: number, name?: string) {

@@ -130,16 +130,12 @@ export function whole(page: Page): Promise<boolean> {
 
 /** Waits until this many consecutive frames of the robot have caused no picture; pending ones may come first. */
 export async function drawsNothing(page: Page, frames: number): Promise<void> {
-  await until(
-    `${frames} frames without a picture`,
-    async () => {
-      const before = await renderedFrames(page);
-      const seq = (await shownSeq(page)) ?? 0;
-      await until('frames go on', async () => ((await shownSeq(page)) ?? 0) > seq + frames, 30_000);
-      return (await renderedFrames(page)) === before;
-    },
-    90_000,
-  );
+  await until(`${frames} frames without a picture`, async () => {
+    const before = await renderedFrames(page);
+    const seq = (await shownSeq(page)) ?? 0;
+    await until('frames go on', async () => ((await shownSeq(page)) ?? 0) > seq + frames);
+    return (await renderedFrames(page)) === before;
+  });
 }
 
 /** Retries until it is recognised as a tap: on a busy machine, the time between down and up may be longer than a person's. */
@@ -148,14 +144,47 @@ export async function tapped(
   tap: () => Promise<void>,
   holds: () => Promise<boolean>,
 ): Promise<void> {
-  await until(
-    what,
-    async () => {
-      await tap();
-      return until(what, holds, 3000).catch(() => false);
-    },
-    60_000,
-  );
+  await until(what, async () => {
+    await tap();
+    return until(what, holds, 3000).catch(() => false);
+  });
+}
+
+/** Types into a field, as React sees it. `field`: an expression for the element. */
+export const enter = (page: Page, field: string, value: string) =>
+  page.evaluate(`(() => {
+    const field = ${field};
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(field, ${JSON.stringify(value)});
+    for (const kind of ['input', 'change']) field.dispatchEvent(new Event(kind, { bubbles: true }));
+  })()`);
+
+/** Keeps files that the page saves instead of downloading them: not every driver can find a download. */
+export const KEEP_SAVED = `(() => {
+  const blobs = new Map();
+  const make = URL.createObjectURL;
+  URL.createObjectURL = (blob) => {
+    const url = make.call(URL, blob);
+    blobs.set(url, blob);
+    return url;
+  };
+  window.downloads = [];
+  const click = HTMLAnchorElement.prototype.click;
+  HTMLAnchorElement.prototype.click = function () {
+    if (this.download) window.downloads.push({ name: this.download, blob: blobs.get(this.href) });
+    else click.call(this);
+  };
+})()`;
+
+/** The files that a page with `KEEP_SAVED` has saved, and the newest. */
+export const savedCount = (page: Page) => page.evaluate<number>('window.downloads.length');
+export async function newestSaved(page: Page): Promise<{ name: string; bytes: Uint8Array }> {
+  const name = await page.evaluate<string>('window.downloads.at(-1).name');
+  const data = await page.evaluate<string>(`new Promise((resolve) => {
+    const reader = new FileReader();
+    reader.onload = () => resolve(reader.result.slice(reader.result.indexOf(',') + 1));
+    reader.readAsDataURL(window.downloads.at(-1).blob);
+  })`);
+  return { name, bytes: Uint8Array.from(Buffer.from(data, 'base64')) };
 }
 
 /** Types into a field, as React sees it. `field`: an expression for the element. */

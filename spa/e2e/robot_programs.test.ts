@@ -45,7 +45,7 @@ it.skipIf(!FULL || !existsSync(WALK)).each([
     const tap = stage.stack.tap(relay, 'robot');
     const edge = stage.stack.edge(relay, { robot: 'robot', source, profile, urdf, meshTools: false });
     const page = await stage.open(`${relay.url}/#/r/robot`);
-    await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 60_000);
+    await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0);
     const first = (await shownSeq(page)) ?? 0;
     await until('newer frames', async () => ((await shownSeq(page)) ?? 0) > first + 30);
     await poseMatches(page, edge, tap, urdf);

@@ -15,7 +15,7 @@ const ONE_MM = 0.001;
 const SMALL = { width: 800, height: 480 };
 /** A wire code differs by at most this from the sent value, rad or m. */
 const CODED = 0.002;
-/** The robot, the floor, its axes and its shadow, and one for its pictures. */
+/** The robot, its shadow, the floor and its axes, and one more for pictures on its skin. */
 const MOST_CALLS = 5;
 
 interface Manifest {
@@ -51,24 +51,18 @@ describe.skipIf(!FULL || !canBuild())('every robot, built', () => {
       const relay = await stage.stack.relay();
       const { source } = stage.stack.fedEdge(relay, { pos: wanted[0] }, { robot: name, model: folder });
       const page = await stage.open(`${relay.url}/#/r/${name}`, { viewport: SMALL, preload: COUNT_DRAWS });
-      await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 30_000);
+      await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0);
       const sent: Configuration[] = [];
       const seen: Readonly<Record<string, readonly number[]>>[] = [];
       for (const pos of wanted) {
         source.write(JSON.stringify({ pos }));
-        const values = await until(
-          'its readings',
-          async () => {
-            const now = await page.evaluate<Record<string, number>>(
-              `Object.fromEntries(${JSON.stringify(Object.keys(pos))}.map((j) => [j, window.posecast.twin.value('pos', j)]))`,
-            );
-            const here = Object.entries(pos).every(
-              ([j, q]) => Math.abs((now[j] ?? NaN) - (q ?? NaN)) < CODED,
-            );
-            return here && (await resting(page)) ? now : null;
-          },
-          60_000,
-        );
+        const values = await until('its readings', async () => {
+          const now = await page.evaluate<Record<string, number>>(
+            `Object.fromEntries(${JSON.stringify(Object.keys(pos))}.map((j) => [j, window.posecast.twin.value('pos', j)]))`,
+          );
+          const here = Object.entries(pos).every(([j, q]) => Math.abs((now[j] ?? NaN) - (q ?? NaN)) < CODED);
+          return here && (await resting(page)) ? now : null;
+        });
         sent.push(values);
         seen.push((await body(page))?.links ?? {});
       }

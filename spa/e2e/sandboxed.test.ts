@@ -21,8 +21,8 @@ it('a frame without an origin shows the robot of another site', async () => {
     const page = await stage.newPage();
     page.allow(relay.host);
     await page.open(`${host.url}/`);
-    await until('LIVE', holds(page, `words.includes('null LIVE')`), 60_000);
-    await until('the meshes', async () => page.requested.some((url) => /\/model\/.*\.glb/.test(url)), 60_000);
+    await until('LIVE', holds(page, `words.includes('null LIVE')`));
+    await until('the meshes', async () => page.requested.some((url) => /\/model\/.*\.glb/.test(url)));
     await page.screenshot('sandboxed-frame.png');
   } finally {
     await host.close();
@@ -37,8 +37,8 @@ it('a page without an origin has its numbers and its body', async () => {
   try {
     const page = await stage.open(`${gate.url}/embed/demo`);
     expect(await page.evaluate<string>('origin')).toBe('null');
-    await until('LIVE', is(page, 'LIVE'), 60_000);
-    await until('its body', () => hasSkin(page), 60_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('its body', () => hasSkin(page));
     await page.screenshot('sandboxed-page.png');
   } finally {
     await gate.close();

@@ -36,13 +36,13 @@ const LONG_ENOUGH_S = 12;
 async function lookBack(relay: Relay, newPage: Stage['newPage'] = stage.newPage): Promise<Page> {
   const page = await newPage({ preload: KEEP_SAVED, viewport: LAPTOP });
   await page.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', is(page, 'LIVE'), 60_000);
-  await until('a body', () => whole(page), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
+  await until('a body', () => whole(page));
   const has = `(() => {
     const track = ${testId('track')};
     return track !== null && track.ariaValueMax - track.ariaValueMin >= ${LONG_ENOUGH_S};
   })()`;
-  await until(`${LONG_ENOUGH_S} s of past`, () => page.evaluate<boolean>(has), 60_000);
+  await until(`${LONG_ENOUGH_S} s of past`, () => page.evaluate<boolean>(has));
   await isPast(page);
   return page;
 }
@@ -64,9 +64,9 @@ const robot = stage.share(async (stack, newPage) => {
 async function openSheet(page: Page): Promise<void> {
   await until('a button that saves', () => page.findByTestId('save-button').visible());
   await page.findByTestId('save-button').click();
-  await until('what there is', async () => /frames, about/.test(await textOf(page, 'save-measure')), 30_000);
+  await until('what there is', async () => /frames, about/.test(await textOf(page, 'save-measure')));
   const isClosed = async () => (await page.findByTestId('save-until').count()) === 0;
-  await until('all of it, which the relay has yet to close', isClosed, 30_000);
+  await until('all of it, which the relay has yet to close', isClosed);
 }
 
 /** Saves in a format. Returns the file's name and bytes. */
@@ -74,9 +74,9 @@ async function save(page: Page, format: string): Promise<{ name: string; bytes: 
   const before = await savedCount(page);
   await page.evaluate(`${testId(`save-${format}`)}.click()`);
   const isReady = `!${testId('save-go')}?.disabled && ${testId('save-go')} !== null`;
-  await until(`${format} is measured`, () => page.evaluate<boolean>(isReady), 30_000);
+  await until(`${format} is measured`, () => page.evaluate<boolean>(isReady));
   await page.evaluate(`${testId('save-go')}.click()`);
-  await until(`${format} is saved`, async () => (await savedCount(page)) > before, 60_000);
+  await until(`${format} is saved`, async () => (await savedCount(page)) > before);
   await until('it says so', async () => /^Saved: /.test(await textOf(page, 'save-outcome')));
   return newestSaved(page);
 }
@@ -152,11 +152,11 @@ it('saves from one moment to another, says what is too much, and what can’t be
   // what is no longer available
   await relay.process.kill();
   await page.evaluate(`${testId('save-posecast')}.click()`);
-  await until('measured', () => page.evaluate<boolean>(`${testId('save-go')}?.disabled === false`), 30_000);
+  await until('measured', () => page.evaluate<boolean>(`${testId('save-go')}?.disabled === false`));
   await page.evaluate(`${testId('save-go')}.click()`);
   // segments fetched earlier are in the browser; not all of the model is
   const lacks = /lacks the model|does not answer/;
-  await until('it says what it lacks', async () => lacks.test(await textOf(page, 'save-outcome')), 60_000);
+  await until('it says what it lacks', async () => lacks.test(await textOf(page, 'save-outcome')));
   page.forgive(/ERR_|WebSocket|Failed to load|NetworkError|CORS|access control/i);
 }, 240_000);
 
@@ -181,11 +181,7 @@ it('has room for the sheet at every size, in both languages and themes', async (
       [1920, 1080],
     ] as const) {
       await page.viewport({ width, height });
-      await until(
-        'measured',
-        () => page.evaluate<boolean>(`${testId('save-go')}?.disabled === false`),
-        30_000,
-      );
+      await until('measured', () => page.evaluate<boolean>(`${testId('save-go')}?.disabled === false`));
       await page.screenshot(`save-${language}-${theme}-${width}.png`);
       expect(await violations(page), `${language} ${theme} ${width}`).toEqual([]);
     }

@@ -18,10 +18,10 @@ describe('the body', () => {
       { urdf: path.join(EDGE, 'demo_bundle/robot.urdf') },
     );
     const page = await stage.open(`${relay.url}/#/r/demo`);
-    await until('a body', async () => (await renderedFrames(page)) > 0, 60_000);
-    await until('HOLDING', is(page, 'HOLDING'), 30_000);
+    await until('a body', async () => (await renderedFrames(page)) > 0);
+    await until('HOLDING', is(page, 'HOLDING'));
     await until('the camera has come to rest', () => resting(page));
-    await until('the finest shells', () => finest(page), 60_000);
+    await until('the finest shells', () => finest(page));
     await until('at rest again', () => resting(page));
     await drawsNothing(page, 10); // one each half second
     expect(await liveness(page)).toBe('HOLDING');
@@ -31,7 +31,7 @@ describe('the body', () => {
     stage.needs(context, 'colors');
     const relay = await stage.stack.demo();
     const page = await stage.open(`${relay.url}/#/r/demo`, { media: { colors: 'forced' } });
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', () => hasSkin(page));
     expect(await page.evaluate<boolean>(`matchMedia('(forced-colors: active)').matches`)).toBe(true);
     await page.screenshot('forced-laptop.png');
     // Shapes cut out of a background must keep their background, or they would be invisible. An SVG's clip cuts a drawing, not a

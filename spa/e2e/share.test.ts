@@ -42,7 +42,7 @@ describe('the address', () => {
   it('holds what is looked at, and another page opens the same', async () => {
     const relay = await demo();
     const page = await stage.open(`${relay.url}/#/r/demo`);
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', () => hasSkin(page));
     expect(await hash(page), 'nothing to tell yet').toBe('#/r/demo');
     for (const key of ['ArrowLeft', 'ArrowLeft', 'ArrowUp', '+', '+']) await page.press(key);
     for (const [what, last] of [
@@ -74,13 +74,13 @@ describe('the address', () => {
     await page.screenshot('share-phone.png');
 
     const other = await stage.open(`${link}&theme=light&angle=deg`);
-    await until('the same place', async () => near(await stand(other), there), 60_000);
+    await until('the same place', async () => near(await stand(other), there));
     await until('the same joint', async () => (await other.findByTestId('joint-card').count()) === 1);
     const settings = await other.evaluate<Record<string, unknown>>('window.posecast.settings');
     expect(settings).toMatchObject({ shown: 'both', theme: 'light', angle: 'deg' });
     expect(await other.evaluate<string>('document.documentElement.dataset.theme')).toBe('light');
-    await until('a body', () => hasSkin(other), 60_000);
-    await until('still the same place', async () => near(await stand(other), there), 10_000);
+    await until('a body', () => hasSkin(other));
+    await until('still the same place', async () => near(await stand(other), there));
     const kept = await other.evaluate<string | null>('localStorage.getItem("posecast.settings")');
     expect(kept ?? '', 'nothing that the link brought is kept').not.toMatch(/shown|theme|angle/);
   });
@@ -88,8 +88,8 @@ describe('the address', () => {
   it('may name what does not exist: the page opens without it', async () => {
     const relay = await demo();
     const page = await stage.open(`${relay.url}/#/r/demo?joint=NOPE&eye=1,2,x&theme=pink&angle=turns`);
-    await until('LIVE', is(page, 'LIVE'), 30_000);
-    await until('put right', async () => (await hash(page)) === '#/r/demo', 30_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('put right', async () => (await hash(page)) === '#/r/demo');
     expect(await page.findByTestId('joint-card').count()).toBe(0);
     await page.press('?');
     await until('the keys', async () => (await page.findByTestId('keys').count()) === 1);
@@ -130,16 +130,16 @@ describe('a frame in a page of another origin', () => {
       page.allow(relay.host);
       await page.open(`${course.url}/course.html`);
       const asked = (pattern: RegExp) => page.requested.some((url) => pattern.test(url));
-      await until('the frame itself', async () => asked(/EmbedPage/), 30_000);
+      await until('the frame itself', async () => asked(/EmbedPage/));
       expect(asked(/\/api\//), 'nothing before it is on the screen').toBe(false);
 
       await page.evaluate('scrollTo(0, 1400)');
       const told = () => page.evaluate<Record<string, unknown>[]>('window.told');
-      await until('ready', async () => (await told()).some(({ posecast }) => posecast === 'ready'), 30_000);
-      await until('LIVE', async () => (await told()).some(({ word }) => word === 'LIVE'), 30_000);
+      await until('ready', async () => (await told()).some(({ posecast }) => posecast === 'ready'));
+      await until('LIVE', async () => (await told()).some(({ word }) => word === 'LIVE'));
       const live = (await told()).find(({ word }) => word === 'LIVE');
       expect(live).toMatchObject({ origin: relay.url, posecast: 'liveness', robot: 'demo', cause: null });
-      await until('its model', async () => asked(/manifest\.json/), 30_000);
+      await until('its model', async () => asked(/manifest\.json/));
       await page.evaluate(`frames[0].postMessage({ posecast: 'look', view: 'side' }, '*')`);
       await page.evaluate(`frames[0].postMessage({ posecast: 'set', theme: 'dark' }, '*')`);
       await page.evaluate(`new Promise((then) => setTimeout(then, 1500))`);
@@ -171,7 +171,7 @@ describe('a frame in a page of another origin', () => {
         return (await page.evaluate<string[]>('loaded')).length === 3;
       });
       const named = (what: RegExp) => page.requested.filter((url) => what.test(url)).length;
-      await until('the first one runs', async () => named(/EmbedPage/) > 0, 30_000);
+      await until('the first one runs', async () => named(/EmbedPage/) > 0);
       // a running frame requests this once, whatever is in its cache
       expect(named(/config\.json/)).toBe(1);
     } finally {

@@ -72,7 +72,7 @@ it.skipIf(!FULL)(
       page.forgive(/status of 40\d|WebSocket/); // a wrong password; its own origin before config.json has loaded
 
       await page.open(`${host.url}/#/`);
-      await until('the open robot', there(page, 'robot-open'), 30_000);
+      await until('the open robot', there(page, 'robot-open'));
       expect(await page.findByTestId('robot-lab').count()).toBe(0);
       await photograph(page, 'sign-in-list');
       expect(loaded(page), 'nothing of Firebase before somebody signs in').toEqual([]);
@@ -80,19 +80,19 @@ it.skipIf(!FULL)(
       await until('the dialog', there(page, 'email'));
       await photograph(page, 'sign-in');
       await fill(page, EMAIL, 'wrong');
-      await until('it says so', there(page, 'sign-in-wrong'), 30_000);
+      await until('it says so', there(page, 'sign-in-wrong'));
       await photograph(page, 'sign-in-wrong');
       expect(await page.findByTestId('sign-in-wrong').text()).toMatch(/Wrong e-mail or password/);
       await fill(page, EMAIL, PASSWORD);
-      await until('the private robot', there(page, 'robot-lab'), 30_000);
+      await until('the private robot', there(page, 'robot-lab'));
 
       await page.findByTestId('robot-lab').click();
-      await until('LIVE', is(page, 'LIVE'), 30_000);
+      await until('LIVE', is(page, 'LIVE'));
       await page.evaluate(`window.dispatchEvent(new Event('online'))`);
       const renewed = () => page.requested.some((url) => url.includes('securetoken.googleapis.com'));
-      await until('a newer token', async () => renewed(), 30_000);
+      await until('a newer token', async () => renewed());
       await page.reload();
-      await until('LIVE again', is(page, 'LIVE'), 60_000);
+      await until('LIVE again', is(page, 'LIVE'));
       expect(
         page.requested.filter((url) => /token=|eyJ/.test(url)),
         'no token in an address',
@@ -106,19 +106,19 @@ it.skipIf(!FULL)(
       await until('the way out', there(page, 'sign-out'));
       await photograph(page, 'sign-out');
       await page.findByTestId('sign-out').click();
-      await until('not shared', async () => /not shared with you/.test(await page.text()), 30_000);
+      await until('not shared', async () => /not shared with you/.test(await page.text()));
 
       const other = await stage.newPage();
       other.allow(new URL(relay.url).host);
       other.allow(emulatorHost);
       other.forgive(/status of 40\d|WebSocket/);
       await other.open(`${host.url}/#/r/lab`);
-      await until('asked to sign in', there(other, 'sign-in'), 30_000);
+      await until('asked to sign in', there(other, 'sign-in'));
       await photograph(other, 'sign-in-asked');
       await other.findByTestId('sign-in').click();
       await until('the dialog', there(other, 'email'));
       await fill(other, EMAIL, PASSWORD);
-      await until('LIVE there', is(other, 'LIVE'), 30_000);
+      await until('LIVE there', is(other, 'LIVE'));
     } finally {
       await host.close();
     }

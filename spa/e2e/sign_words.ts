@@ -65,7 +65,7 @@ export function labels(page: Page): Promise<string[]> {
 }
 
 export async function shown(page: Page): Promise<void> {
-  await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 60_000);
+  await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0);
 }
 
 export async function choose(page: Page, settings: Record<string, unknown>): Promise<void> {

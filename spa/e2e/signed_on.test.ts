@@ -33,12 +33,12 @@ describe('behind a proxy that asks for', () => {
   });
 
   async function showsAll(page: Page): Promise<void> {
-    await until('LIVE', is(page, 'LIVE'), 30_000);
-    await until('its body', () => hasSkin(page), 60_000);
-    await until('its past', there(page, 'time-line'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
+    await until('its body', () => hasSkin(page));
+    await until('its past', there(page, 'time-line'));
     await page.evaluate(`location.hash = '#/'`);
-    await until('the list', there(page, 'robot-demo'), 30_000);
-    await until('its picture', there(page, 'thumbnail'), 30_000);
+    await until('the list', there(page, 'robot-demo'));
+    await until('its picture', there(page, 'thumbnail'));
     expect(await page.findByTestId('sign-in-needed').count()).toBe(0);
   }
 
@@ -58,7 +58,7 @@ describe('behind a proxy that asks for', () => {
     const other = await stage.newPage();
     other.forgive(/status of 40\d|WebSocket/);
     await other.open(`${gate.url.replace('//', '//lab:pw@')}/#/r/demo`);
-    await until('LIVE over HTTP', says(other, /over HTTP/), 30_000);
+    await until('LIVE over HTTP', says(other, /over HTTP/));
   });
 
   /** A cookie like that of oauth2-proxy or Cloudflare Access, and a redirect to the sign-in page without one. */
@@ -81,11 +81,11 @@ describe('behind a proxy that asks for', () => {
     await page.open(`${gate.url}/signed-in`);
     await showsAll(page);
     await page.findByTestId('robot-demo').click();
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
 
     signedIn = false;
     gate.cut();
-    await until('it says so', there(page, 'sign-in-needed'), 30_000);
+    await until('it says so', there(page, 'sign-in-needed'));
     const note = page.findByTestId('stage-note');
     await until('in place of a count', async () => (await note.text()).startsWith('Sign in again.'));
     expect(await page.text()).not.toMatch(/Trying again/);
@@ -93,15 +93,15 @@ describe('behind a proxy that asks for', () => {
     const other = await newPage(); // signs in elsewhere
     signedIn = true;
     await other.open(`${gate.url}/signed-in`);
-    await until('LIVE by itself', is(page, 'LIVE'), 60_000);
+    await until('LIVE by itself', is(page, 'LIVE'));
     expect(await page.findByTestId('sign-in-needed').count()).toBe(0);
 
     signedIn = false; // the stream lives on
     await page.evaluate(`location.hash = '#/'`);
-    await until('the list says so, too', there(page, 'sign-in-needed'), 30_000);
+    await until('the list says so, too', there(page, 'sign-in-needed'));
     await until('instead of its robots', says(page, /Sign in again\./));
     await page.screenshot('sign-in-again-list.png');
     await page.findByRole('button', 'Reload').click();
-    await until('the sign-in page', says(page, /Who are you/), 30_000);
+    await until('the sign-in page', says(page, /Who are you/));
   });
 });

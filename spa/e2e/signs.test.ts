@@ -34,7 +34,7 @@ async function standing(
 
 /** Draw calls of a picture in which only the camera has moved: no shadows. */
 async function calls(page: Page): Promise<number> {
-  await until('the finest shells', () => finest(page), 60_000);
+  await until('the finest shells', () => finest(page));
   const before = await renderedFrames(page);
   await page.findByRole('button', 'side').click();
   await until('another picture', async () => (await renderedFrames(page)) > before);
@@ -144,11 +144,11 @@ describe('the lens', () => {
     for (const other of ['Body_RHP', 'Body_LAR', 'Body_Torso']) expect(found.ghostLinks).not.toContain(other);
     expect(await labels(page)).toContainEqual(expect.stringMatching(/^apart-RKN: RKN 0\.\d+ rad off$/));
     // More while shadows are redrawn.
-    await until('one draw call more', async () => (await calls(page)) === without + 1, 30_000);
+    await until('one draw call more', async () => (await calls(page)) === without + 1);
 
     source.write(JSON.stringify(still));
     await until('no ghost', async () => (await signs(page)).ghostLinks.length === 0);
-    await until('as many as before', async () => (await calls(page)) === without, 30_000);
+    await until('as many as before', async () => (await calls(page)) === without);
   });
 
   it.skipIf(!FULL)(
@@ -242,8 +242,8 @@ describe('load on the body', () => {
 it.skipIf(!FULL)('all signs of an unchanged robot cost no pictures', async () => {
   const { page } = await standing(demoAt(42));
   await until('a ghost', async () => (await signs(page)).ghostLinks.length > 0);
-  await until('HOLDING', is(page, 'HOLDING'), 30_000);
-  await until('the finest shells', () => finest(page), 60_000);
+  await until('HOLDING', is(page, 'HOLDING'));
+  await until('the finest shells', () => finest(page));
   await drawsNothing(page, 10);
 });
 
@@ -266,5 +266,5 @@ it('on a phone the feet stand above the buttons', async () => {
       }
       return false;
     })()`);
-  await until('feet above the buttons', clear, 30_000);
+  await until('feet above the buttons', clear);
 });

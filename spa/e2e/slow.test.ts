@@ -30,7 +30,7 @@ describe.skipIf(!FULL)('a slow device', () => {
       viewport: { width: 390, height: 700 },
       preload: AS_IT_COMES,
     });
-    await until('a body', async () => (await shells(page)) > 500, 60_000);
+    await until('a body', async () => (await shells(page)) > 500);
     await staysWatchable(page, async () => (await trouble(page)) === 'slow');
   });
 
@@ -40,16 +40,12 @@ describe.skipIf(!FULL)('a slow device', () => {
       viewport: { width: 390, height: 700 },
       preload: `${AS_IT_COMES};${LONG_REPAINTS.replace('70', '130')}`,
     });
-    await until('3D', async () => (await shells(page)) > 500 && (await trouble(page)) !== 'slow', 60_000);
+    await until('3D', async () => (await shells(page)) > 500 && (await trouble(page)) !== 'slow');
     await until('by hand', async () => (await trouble(page)) === 'slow', 120_000);
-    await until('a body', async () => (await shells(page)) > 500, 60_000);
+    await until('a body', async () => (await shells(page)) > 500);
     expect(await page.findByTestId('view-note').text()).toMatch(/too slow for 3D.*light view/);
     await page.findByRole('button', 'Try 3D again').click();
-    await until(
-      '3D again',
-      async () => (await trouble(page)) !== 'slow' && (await shells(page)) > 500,
-      60_000,
-    );
+    await until('3D again', async () => (await trouble(page)) !== 'slow' && (await shells(page)) > 500);
     expect(await page.evaluate<string>('window.posecast.settings.body')).toBe('3d');
     const before = await page.evaluate<number>('window.posecast.scene.renderedFrames');
     await until(
@@ -68,21 +64,16 @@ describe.skipIf(!FULL)('a slow device', () => {
       viewport: { width: 390, height: 700 },
       preload: LONG_REPAINTS,
     });
-    await until(
-      'it is offered',
-      async () => (await page.findByRole('button', 'Light view').count()) === 1,
-      90_000,
-    );
+    await until('it is offered', async () => (await page.findByRole('button', 'Light view').count()) === 1);
     await page.evaluate('window.hurry = true'); // the GPU was the reason
     await page.findByRole('button', 'Light view').click();
     await until(
       'drawn by hand',
       async () => (await trouble(page)) === 'chosen' && (await shells(page)) > 500,
-      30_000,
     );
     await staysWatchable(page);
     await page.findByRole('button', 'Back to 3D').click();
-    await until('3D', async () => (await trouble(page)) !== 'chosen', 30_000);
+    await until('3D', async () => (await trouble(page)) !== 'chosen');
   });
 
   it('gives up pixels, then detail, and says so; at rest all its pixels are there', async () => {
@@ -93,15 +84,15 @@ describe.skipIf(!FULL)('a slow device', () => {
     const page = await stage.open(`${relay.url}/#/r/demo`, {
       preload: LONG_REPAINTS,
     });
-    await until('a body', async () => (await shells(page)) > 500, 60_000);
+    await until('a body', async () => (await shells(page)) > 500);
     const whole = await ratio(page);
-    await until('lower resolution', async () => (await ratio(page)) < whole, 60_000);
+    await until('lower resolution', async () => (await ratio(page)) < whole);
     await until('it says so', async () => /pixels|detail/.test(await trouble(page)));
     const fine = await shells(page);
-    await until('less detail', async () => (await trouble(page)) === 'detail', 60_000);
+    await until('less detail', async () => (await trouble(page)) === 'detail');
     await until('less detail', async () => (await shells(page)) <= fine);
     expect(await page.findByTestId('view-note').text()).toMatch(/slow/);
     source.write(JSON.stringify({ pos: { joint1: 0.3, joint2: 0 } }));
-    await until('sharp at rest', async () => (await ratio(page)) === whole, 30_000);
+    await until('sharp at rest', async () => (await ratio(page)) === whole);
   });
 });

@@ -36,7 +36,7 @@ export async function staysWatchable(
   page: Page,
   settled: () => Promise<boolean> = async () => false,
 ): Promise<void> {
-  await until('it moves', async () => (await posesPerSecond(page)) > 1, 60_000);
+  await until('it moves', async () => (await posesPerSecond(page)) > 1);
   const usual = await posesPerSecond(page);
   await page.slow(TIMES_SLOWER);
   // Time to settle.

@@ -45,14 +45,14 @@ describe('the whole path', () => {
       }
     }
 
-    await until('a body', () => hasSkin(page), 60_000);
+    await until('a body', () => hasSkin(page));
     const first = await poseMatches(page, edge, tap, URDF);
     await until('newer frames', async () => ((await shownSeq(page)) ?? -1) > first + 30);
     expect(await poseMatches(page, edge, tap, URDF)).toBeGreaterThan(first);
 
     edge.signal('SIGSTOP');
     await until('it stands still', is(page, 'STALE', 'OFFLINE'));
-    await until('the colour has drained', () => resting(page), 60_000);
+    await until('the colour has drained', () => resting(page));
     await page.evaluate('window.painting = true');
     const calls = await drawCalls(page);
     await page.screenshot(`smoke-${engineName()}.png`);

@@ -26,7 +26,7 @@ describe('a real Redis', () => {
     const edge = stage.stack.edge(relay);
     const page = await stage.open(`${relay.url}/#/r/demo`, { preload: RECORD });
     await until('LIVE', is(page, 'LIVE', 'HOLDING'));
-    await until('frames', async () => (await shownPositions(page)).size > 10, 60_000);
+    await until('frames', async () => (await shownPositions(page)).size > 10);
 
     await edge.kill();
     const newest = await until('the last frame has come to rest', async () => {

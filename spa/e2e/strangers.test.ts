@@ -24,10 +24,10 @@ describe.skipIf(!FULL)('an address', () => {
   it('of a robot that is not there says so, and goes on when it comes', async () => {
     const relay = await stage.stack.relay();
     const page = await stage.open(`${relay.url}/#/r/nobody`);
-    await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
+    await until('OFFLINE', is(page, 'OFFLINE'));
     await until('said so', async () => (await note(page)).startsWith('This robot is not on air.'));
     stage.stack.fedEdge(relay, SWINGING, { robot: 'nobody' });
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
     expect(await note(page)).toBe('');
   });
 
@@ -45,13 +45,13 @@ describe.skipIf(!FULL)('an address', () => {
     const early = await stage.newPage();
     await page.open(`${relay.url}/#/r/hubo`);
     await early.open(`${relay.url}/#/r/added`);
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
     allow('[robots.hubo.anyone]\nblackout = true\n');
     for (const each of [page, early])
-      await until('said so', async () => (await note(each)).startsWith(en.endedAbsent), 30_000);
+      await until('said so', async () => (await note(each)).startsWith(en.endedAbsent));
     expect(await note(page)).toMatch(/Trying again in \d+ s/);
     allow('[robots.hubo.anyone]\n[robots.added.anyone]\n');
-    for (const each of [page, early]) await until('LIVE', is(each, 'LIVE'), 90_000);
+    for (const each of [page, early]) await until('LIVE', is(each, 'LIVE'));
   });
 
   it.each(['#/r/No%20Such%20Name', '#/r/', '#/x', '#/r/%00', '#/<img src=x onerror="window.bitten=true">'])(
@@ -59,7 +59,7 @@ describe.skipIf(!FULL)('an address', () => {
     async (hash) => {
       const relay = await stage.stack.relay();
       const page = await stage.open(`${relay.url}/${hash}`);
-      await until('said so', async () => (await text(page, '.broken')).includes('Nothing here'), 30_000);
+      await until('said so', async () => (await text(page, '.broken')).includes('Nothing here'));
       expect(await page.evaluate<boolean>('window.bitten === undefined')).toBe(true);
       await page.findByRole('link', 'All robots').click();
       await until('the list', there(page, 'no-robots'));
@@ -72,17 +72,17 @@ describe.skipIf(!FULL)('a robot', () => {
     const relay = await stage.stack.relay();
     const first = stage.stack.fedEdge(relay, SWINGING, { robot: 'old' });
     const page = await stage.open(`${relay.url}/#/r/old`);
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
     await first.edge.stop();
     stage.stack.fedEdge(relay, SWINGING, { robot: 'new' });
-    await until('OFFLINE', is(page, 'OFFLINE'), 30_000);
+    await until('OFFLINE', is(page, 'OFFLINE'));
     expect(await chipText(page)).toMatch(/OFFLINE ?since \d\d:\d\d/);
     await until('said so', async () => (await note(page)).startsWith('Offline since'));
     expect(await text(page, 'td[data-field=pos]'), 'its last pose is still to be read').toMatch(/\d/);
     await page.findByRole('link', 'All robots').click();
-    await until('the new name', there(page, 'robot-new'), 30_000);
+    await until('the new name', there(page, 'robot-new'));
     await page.findByTestId('robot-new').click();
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
   });
 
   it('that is called otherwise from now on is called so at once, without a reload', async () => {
@@ -91,12 +91,12 @@ describe.skipIf(!FULL)('a robot', () => {
     const relay = await stage.stack.relay();
     const first = stage.stack.fedEdge(relay, SWINGING, { profile: named('Anna') });
     const page = await stage.open(`${relay.url}/#/r/demo`);
-    await until('its name', async () => (await text(page, '.robot-name')) === 'Anna', 30_000);
+    await until('its name', async () => (await text(page, '.robot-name')) === 'Anna');
     await page.evaluate('window.born = true');
     await first.edge.stop();
     stage.stack.fedEdge(relay, SWINGING, { profile: named('Berta') });
-    await until('its new name', async () => (await text(page, '.robot-name')) === 'Berta', 30_000);
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('its new name', async () => (await text(page, '.robot-name')) === 'Berta');
+    await until('LIVE', is(page, 'LIVE'));
     expect(await page.evaluate<boolean>('window.born')).toBe(true);
   });
 
@@ -123,10 +123,10 @@ describe.skipIf(!FULL)('a robot', () => {
       expect(wide, `nothing sticks out: ${where}`).toBeLessThanOrEqual(0);
     };
     await page.open(`${relay.url}/#/`);
-    await until('its name', async () => (await text(page, '.card-name')).startsWith(bite), 30_000);
+    await until('its name', async () => (await text(page, '.card-name')).startsWith(bite));
     await whole('list');
     await page.findByTestId('robot-demo').click();
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
     expect(await text(page, '.robot-name')).toContain(bite);
     await page.findByRole('button', /^RKN$/).click();
     await until('its plain name', async () =>
@@ -144,7 +144,7 @@ describe.skipIf(!FULL)('a robot', () => {
     );
     await whole('share sheet');
     await page.open(`${relay.url}/embed/#/r/demo`);
-    await until('its name', async () => (await text(page, '.embed-name')).startsWith(bite), 30_000);
+    await until('its name', async () => (await text(page, '.embed-name')).startsWith(bite));
     await whole('frame');
   });
 });
@@ -188,8 +188,8 @@ it.skipIf(!FULL)(
     const newer = await newerRelay(relay.port);
     try {
       const page = await stage.open(`${newer.url}/#/r/demo`);
-      await until('said so', async () => /newer protocol than this page/.test(await note(page)), 30_000);
-      await until('LIVE', is(page, 'LIVE'), 30_000);
+      await until('said so', async () => /newer protocol than this page/.test(await note(page)));
+      await until('LIVE', is(page, 'LIVE'));
       expect(await note(page), 'it stays said').toMatch(/Reload/);
     } finally {
       newer.close();
@@ -205,16 +205,14 @@ it.skipIf(!FULL)('a fault of 30 ms reaches a viewer who may have one pose a seco
   const relay = await stage.stack.relay({ robots: file });
   const { source } = stage.stack.fedEdge(relay, fine, { profile: 'demo' });
   const page = await stage.open(`${relay.url}/#/r/demo`);
-  await until('LIVE', is(page, 'LIVE'), 30_000);
+  await until('LIVE', is(page, 'LIVE'));
   await until('one pose a second', holds(page, 'window.posecast.link.granted_hz === 1'));
   const line = () => text(page, '[data-testid=fault-line]');
   await until('no faults', async () => (await line()) === 'No faults');
   for (let n = 0; n < 3; n += 1) {
     source.write(JSON.stringify({ ...fine, flags: { RKN: ['homed', 'enabled', 'jam'] }, once: true }));
-    await until(
-      'latched',
-      async () => /^Earlier: Right knee is blocked\.RKN · jam · ended/.test(await line()),
-      30_000,
+    await until('latched', async () =>
+      /^Earlier: Right knee is blocked\.RKN · jam · ended/.test(await line()),
     );
     await page.findByTestId('acknowledge').click();
     await until('acknowledged', async () => (await line()) === 'No faults');

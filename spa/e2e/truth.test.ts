@@ -15,8 +15,8 @@ const OUTAGE_MS = 2600;
 
 async function watched(url: string): Promise<Page> {
   const page = await stage.open(`${url}/#/r/demo`, { preload: `${RECORD};${WITNESS}` });
-  await until('LIVE', is(page, 'LIVE'), 60_000);
-  await until('a body', () => whole(page), 60_000);
+  await until('LIVE', is(page, 'LIVE'));
+  await until('a body', () => whole(page));
   return page;
 }
 
@@ -62,7 +62,7 @@ describe('after an outage no pose from before it is claimed', () => {
     if (stands) robot.go();
     await pause(OUTAGE_MS);
     await mend();
-    await until('LIVE again', is(page, 'LIVE'), 60_000);
+    await until('LIVE again', is(page, 'LIVE'));
     await goesOn(page);
     expect(await robot.lies(page)).toEqual([]);
     if (stands) {
@@ -135,5 +135,5 @@ it.skipIf(!FULL).each([
   const relay = await stage.stack.relay({ breaks });
   const robot = new ClockRobot(stage.stack, relay);
   const page = await watched(relay.url);
-  await until('it lies', async () => lie.test((await robot.lies(page)).join('; ')), 60_000);
+  await until('it lies', async () => lie.test((await robot.lies(page)).join('; ')));
 });

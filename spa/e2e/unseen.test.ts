@@ -30,7 +30,7 @@ describe('a page that nobody sees', () => {
   it('behind another tab asks for no poses, and comes back with the newest', async () => {
     const relay = await stage.demo();
     const page = await stage.open(`${relay.url}/#/r/demo`);
-    await until('LIVE', is(page, 'LIVE'), 30_000);
+    await until('LIVE', is(page, 'LIVE'));
     // A headless browser has no other tab to bring to the front, so the page is told that there is one.
     const hide = (hidden: boolean) =>
       page.evaluate(`(() => {
@@ -61,7 +61,7 @@ describe('a page that nobody sees', () => {
       scrollTo(0, 1e6);
     })()`);
     const inside = 'window.frames[0]';
-    await until('it runs', async () => ((await seqOf(page, inside)) ?? -1) > 0, 30_000);
+    await until('it runs', async () => ((await seqOf(page, inside)) ?? -1) > 0);
     await page.evaluate('scrollTo(0, 0)');
     await until('asks for nothing', async () => (await grantedHz(page, inside)) === NOTHING);
     const stood = (await seqOf(page, inside)) ?? -1;

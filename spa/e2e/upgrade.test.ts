@@ -48,15 +48,15 @@ describe('a page that watches while what serves it is replaced', () => {
     const page = await stage.newPage({ preload: NOTE });
     page.forgive(/status of 503/); // it has just started and may need a moment, so the request is repeated
     await page.open(`${CLOUD.url}/#/r/demo`);
-    await until('LIVE', async () => isLive(await liveness(page)), 60_000);
+    await until('LIVE', async () => isLive(await liveness(page)));
     const begun = await page.evaluate<number>('window.shownWords.length');
     const first = (await shownSeq(page)) ?? 0;
     await until('frames', async () => ((await shownSeq(page)) ?? 0) > first + 60);
 
     await promisify(execFile)('bash', ['-euc', POSECAST_UPGRADE], { timeout: 300_000 });
-    await until('LIVE afterwards', async () => isLive(await liveness(page)), 60_000);
+    await until('LIVE afterwards', async () => isLive(await liveness(page)));
     const last = (await shownSeq(page)) ?? 0;
-    await until('frames afterwards', async () => ((await shownSeq(page)) ?? 0) > last + 60, 60_000);
+    await until('frames afterwards', async () => ((await shownSeq(page)) ?? 0) > last + 60);
 
     const words = (await page.evaluate<Noted[]>('window.shownWords')).slice(begun);
     console.info(JSON.stringify(words));

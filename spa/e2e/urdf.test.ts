@@ -81,7 +81,7 @@ async function listed(built = true): Promise<Page> {
     stage.stack.fedEdge(relay, { pos: POS }, { robot: 'free', urdf, meshTools: false });
   }
   const page = await stage.open(`${relay.url}/#/`);
-  await until('it is listed', there(page, 'robot-free'), 30_000);
+  await until('it is listed', there(page, 'robot-free'));
   return page;
 }
 
@@ -99,7 +99,7 @@ describe('a URDF', () => {
       expect(Math.min(picture.width, picture.height)).toBeGreaterThanOrEqual(64);
       await page.findByTestId('robot-free').click();
       const line = page.findByTestId('model-findings');
-      await until('the line', async () => (await line.count()) === 1, 30_000);
+      await until('the line', async () => (await line.count()) === 1);
       expect(await line.text()).toMatch(/^1 finding/);
       await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);
       expect(await line.text()).toContain("joint 'tilt' is revolute and has no <limit> · line 10");
@@ -130,35 +130,28 @@ describe('a URDF', () => {
   async function moves(built: boolean): Promise<void> {
     const page = await listed(built);
     await page.findByTestId('robot-free').click();
-    const shown = await until(
-      'a reading of each',
-      () =>
-        page.evaluate<Record<string, number> | null>(`(() => {
+    const shown = await until('a reading of each', () =>
+      page.evaluate<Record<string, number> | null>(`(() => {
           const shown = Object.fromEntries(${JSON.stringify(Object.keys(POS))}.map((name) => [name, window.posecast?.twin?.value('pos', name)]));
           return Object.values(shown).every((value) => typeof value === 'number') ? shown : null;
         })()`),
-      30_000,
     );
     for (const [name, value] of Object.entries(POS)) expect(shown[name], name).toBeCloseTo(value, 2);
     const pitch = 2 * Math.atan2(shown['fly/rot_y'] ?? NaN, shown['fly/rot_w'] ?? NaN);
     const root = { xyz: [0, 0, 0], quat_wxyz: [1, 0, 0, 0] };
     const expected = await forwardKinematics(written(plain(pitch)), shown, root);
     let apart = Number.NaN;
-    await until(
-      `every link within ${ONE_MM} m`,
-      async () => {
-        const links = (await body(page))?.links ?? {};
-        const lift = (links.base?.[11] ?? Number.NaN) - (expected.base?.[11] ?? Number.NaN); // it stands on the floor
-        const far = ['base', 'cart', 'slide', 'drone', 'rod'].flatMap((link) =>
-          (expected[link] ?? []).map((value, i) =>
-            Math.abs(value + (i === 11 ? lift : 0) - (links[link]?.[i] ?? Number.NaN)),
-          ),
-        );
-        apart = Math.max(...far);
-        return apart <= ONE_MM;
-      },
-      30_000,
-    );
+    await until(`every link within ${ONE_MM} m`, async () => {
+      const links = (await body(page))?.links ?? {};
+      const lift = (links.base?.[11] ?? Number.NaN) - (expected.base?.[11] ?? Number.NaN); // it stands on the floor
+      const far = ['base', 'cart', 'slide', 'drone', 'rod'].flatMap((link) =>
+        (expected[link] ?? []).map((value, i) =>
+          Math.abs(value + (i === 11 ? lift : 0) - (links[link]?.[i] ?? Number.NaN)),
+        ),
+      );
+      apart = Math.max(...far);
+      return apart <= ONE_MM;
+    });
     console.log(`planar and floating, ${built ? 'built' : 'as it is'}: ${(apart * 1e6).toFixed(1)} µm apart`);
   }
 });

@@ -68,7 +68,7 @@ describe.each([
     const page = await stage.newPage({ media: { motion: 'reduce' }, viewport: { width: 1100, height: 480 } });
     page.forgive(/WebGL/); // the browser's own error when a context is requested
     await page.open(`${relay.url}/#/r/demo`);
-    await until('a body', async () => (await hasSkin(page)) && (await whole(page)), 60_000);
+    await until('a body', async () => (await hasSkin(page)) && (await whole(page)));
     await until('a table', () => page.evaluate<boolean>(`document.querySelector('tr[data-label]') !== null`));
     await until('its right side, where the trunk hides the left arm', async () => {
       await page.press('2'); // the camera's keys load after the body
@@ -78,11 +78,7 @@ describe.each([
       })()`);
     });
     await page.evaluate(look(each));
-    const looks = await until(
-      'all looks',
-      () => page.evaluate<Look[] | null>('window.looks ?? null'),
-      90_000,
-    );
+    const looks = await until('all looks', () => page.evaluate<Look[] | null>('window.looks ?? null'));
     expect(looks.length).toBeGreaterThan(20 / each);
     for (const { joint, met, went, left } of looks) {
       expect(met, joint).toBe('its limb');
@@ -90,7 +86,7 @@ describe.each([
       expect(left, joint).toBeLessThan(1e-3);
     }
     await page.evaluate(`document.querySelector('tr[data-label="LSP"] button').click()`);
-    await until('the eye rests', () => resting(page), 60_000);
+    await until('the eye rests', () => resting(page));
     const shots = path.join(import.meta.dirname, 'shots');
     mkdirSync(shots, { recursive: true });
     await page.screenshot(path.join(shots, `visit-${name.replaceAll(' ', '-')}-${engineName()}.png`));

@@ -23,7 +23,7 @@ describe.skipIf(!FULL || !existsSync(URDF) || !existsSync(TRAJECTORY)).each([
     const page = await stage.newPage();
     page.forgive(/WebGL/); // the browser's own error when a context is requested
     await page.open(`${relay.url}/#/r/hubo`);
-    await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0, 60_000);
+    await until('a body', async () => Object.keys((await body(page))?.links ?? {}).length > 0);
     /** Heights, metres, of one instant. */
     const feet: { left: number; right: number }[] = [];
     let knees = 0;

@@ -68,6 +68,7 @@ export async function openChromium(options: BrowserOptions = {}): Promise<Browse
           ...(media.scheme === undefined ? {} : { colorScheme: media.scheme }),
           ...(media.colors === undefined ? {} : { forcedColors: 'active' as const }),
         });
+        context.setDefaultTimeout(100_000);
         tab = { context, page: await context.newPage() };
       } else await tab.page.setViewportSize(viewport);
       const script = preload === undefined ? null : await tab.context.addInitScript(preload);

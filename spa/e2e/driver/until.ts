@@ -7,12 +7,13 @@ export class Hopeless extends Error {}
 
 /**
  * Asks `probe` until it returns something other than false, null or undefined, and returns that. `what` names the condition in
- * the error; the last failure is added to it.
+ * the error; the last failure is added to it. The deadline is far beyond what a busy machine needs: tests check states and
+ * their order, not the time that they take.
  */
 export async function until<T>(
   what: string,
   probe: () => T | Promise<T>,
-  deadlineMs = 30_000,
+  deadlineMs = 100_000,
 ): Promise<Exclude<T, false | null | undefined>> {
   const end = performance.now() + deadlineMs;
   let last: unknown;
