@@ -11,7 +11,7 @@ export UV_COMPILE_BYTECODE := 1
 
 UV    := .tools/bin/uv
 BIN   := .venv/bin
-PYSRC := conftest.py wire/python edge-agent relay command/src command/tests benches testing loadtests fuzz tests tools spa/e2e
+PYSRC := wire/python edge-agent relay command/src command/tests benches testing loadtests fuzz tests tools spa/e2e
 ENGINES   := chromium firefox webkitgtk
 E2E_NEEDS := redis-server chromium firefox-esr webkit2gtk-driver xvfb
 DEMO  := edge-agent/src/posecast_edge/demo_bundle
