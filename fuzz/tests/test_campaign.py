@@ -63,6 +63,8 @@ def test_finds_nothing_where_nothing_is_broken(tmp_path: Path) -> None:
     assert executions > 10
 
 
+# `make test` fuzzes by itself; on a busy machine two seconds are too few, and it tries again and again
+@pytest.mark.full
 def test_what_typescript_does_leads_too_and_only_findings_are_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

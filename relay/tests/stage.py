@@ -92,6 +92,56 @@ class Relay(Process):
         return self.base + self.path
 
 
+UPGRADE = (
+    *("Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Version: 13"),
+    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+)
+
+
+def request_stream(query: str = "", *headers: str) -> bytes:
+    """The request for a WebSocket of the robot `r`."""
+    lines = [f"GET /api/v1/robots/r/live{query} HTTP/1.1", "Host: x", *UPGRADE, *headers, "", ""]
+    return "\r\n".join(lines).encode()
+
+
+class Wire:
+    """A transport that takes everything and keeps it."""
+
+    def __init__(self, peer: str = "192.0.2.1") -> None:
+        self.taken = b""
+        self.closed = False
+        self.reading = True
+        self.peer = peer
+
+    def write(self, data: bytes) -> None:
+        self.taken += data
+
+    def close(self) -> None:
+        self.closed = True
+
+    abort = write_eof = close
+
+    def is_closing(self) -> bool:
+        return self.closed
+
+    def can_write_eof(self) -> bool:
+        return True
+
+    def get_extra_info(self, name: str) -> Any:
+        return (self.peer, 1) if name == "peername" else None
+
+    def set_write_buffer_limits(self, high: int) -> None: ...
+
+    def pause_reading(self) -> None:
+        self.reading = False
+
+    def resume_reading(self) -> None:
+        self.reading = True
+
+    def get_write_buffer_size(self) -> int:
+        return 0
+
+
 class SharedRelay(Relay):
     """One for many tests, one after the other. Each has a robot of its own, a fresh page and log."""
 

@@ -20,14 +20,8 @@ from posecast_testing import free_port
 from posecast_wire import Close
 
 from .faulty_relay import ROBOT, TOKEN, VICTIM, functions
-from .stage import Relay, Watcher, ZenohEdge
+from .stage import UPGRADE, Relay, Watcher, ZenohEdge
 
-UPGRADE = (
-    "Connection: Upgrade",
-    "Upgrade: websocket",
-    "Sec-WebSocket-Version: 13",
-    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
-)
 BEARER = f"Authorization: Bearer {TOKEN}"
 PATIENCE_S = 0.1  # without a byte: nothing more will come
 WHILE_S = 0.12  # a stream is listened to at first; longer with each try, since a busy machine needs longer

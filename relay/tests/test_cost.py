@@ -31,7 +31,8 @@ from posecast_relay.net.websocket import make_live_protocol, read_short_text
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
 
-from .test_flood import BEGUN, MASK, PIECE, PING, Wire, request
+from .stage import Wire, request_stream
+from .test_flood import BEGUN, MASK, PIECE, PING
 from .test_http_connection import CHUNKED, GET, POST, Desk
 
 TRUSTED = parse_networks("10.0.0.0/8")
@@ -172,7 +173,7 @@ async def test_of_a_viewers_messages(kind: str, piece: int) -> None:
     def read(data: bytes) -> None:
         viewer: Any = made(SimpleNamespace(), SimpleNamespace(connections=set()), None)  # type: ignore[arg-type]
         viewer.connection_made(Wire())
-        viewer.data_received(request())
+        viewer.data_received(request_stream())
         for at in range(0, len(data), piece):
             viewer.data_received(data[at : at + piece])
         viewer.connection_lost(None)

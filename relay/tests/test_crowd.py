@@ -14,7 +14,7 @@ from posecast_wire import Close, parse_header
 
 from .open_files import allow_files
 from .sim import schema
-from .stage import Relay, Watcher
+from .stage import Relay, Watcher, request_stream
 from .test_websocket import endings, raw_viewer
 
 VIEWERS = 1000
@@ -33,12 +33,7 @@ async def one_of_many(relay: Relay) -> tuple[list[str], list[int], float]:
     """Reads three frames: types of the texts, numbers of the frames, seconds from connecting to `hello`."""
     began = time.monotonic()
     reader, writer = await asyncio.open_connection("127.0.0.1", relay.http)
-    request = (
-        f"GET /api/v1/robots/r/live?hz=2 HTTP/1.1\r\nHost: {relay.address}\r\nConnection: Upgrade\r\n"
-        "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
-        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
-    )
-    writer.write(request.encode())
+    writer.write(request_stream("?hz=2"))
     assert (await reader.readuntil(b"\r\n\r\n")).startswith(b"HTTP/1.1 101")
     texts: list[str] = []
     frames: list[bytes] = []

@@ -19,7 +19,7 @@ from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_wire import Close
 
-from .stage import Relay, Watcher
+from .stage import Relay, Watcher, Wire, request_stream
 
 MASK = bytes(4)
 PING = b"\x89\x80" + MASK
@@ -29,38 +29,6 @@ BEGUN = b"\x01\x80" + MASK
 ACK = b'\x81\x94{}{"type":"ack","n":0}'.replace(b"{}", MASK, 1)
 MANY = 50_000
 FLOODS = {"pings": PING * MANY, "pongs": PONG * MANY, "pieces": BEGUN + PIECE * MANY, "messages": ACK * MANY}
-
-
-def request(query: str = "") -> bytes:
-    """For a stream of `r`."""
-    key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="
-    return (
-        f"GET /api/v1/robots/r/live{query} HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\n"
-        f"Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\n{key}\r\n\r\n"
-    ).encode()
-
-
-class Wire:
-    """A transport that takes everything and keeps it."""
-
-    def __init__(self) -> None:
-        self.taken = b""
-        self.reading = True
-
-    def write(self, data: bytes) -> None:
-        self.taken += data
-
-    def pause_reading(self) -> None:
-        self.reading = False
-
-    def get_extra_info(self, _name: str) -> None: ...
-
-    def set_write_buffer_limits(self, high: int) -> None: ...
-
-    def get_write_buffer_size(self) -> int:
-        return 0
-
-    def abort(self) -> None: ...
 
 
 @pytest.fixture
@@ -85,7 +53,7 @@ async def test_whatever_it_sends_a_few_are_looked_at(what: str, query: str, seen
     made = make_live_protocol(Access(dispatcher, tokens=Tokens()), DecodeCache())
     viewer: Any = made(config, server, None)  # type: ignore[arg-type]
     viewer.connection_made(wire)
-    viewer.data_received(request(query))
+    viewer.data_received(request_stream(query))
     viewer.data_received(FLOODS[what])
     assert f'"code":{int(Close.TOO_MANY)}'.encode() in wire.taken
     assert not wire.reading
@@ -101,7 +69,7 @@ async def test_a_flood_behind_the_end_is_not_read(what: str, seen: list[int]) ->
     made = make_live_protocol(Access(dispatcher), DecodeCache())
     viewer: Any = made(SimpleNamespace(), SimpleNamespace(connections=set()), None)  # type: ignore[arg-type]
     viewer.connection_made(wire)
-    viewer.data_received(request())
+    viewer.data_received(request_stream())
     viewer.data_received(b"\x81\x82" + MASK + b"{}")
     assert f'"code":{int(Close.NOT_ALLOWED)}'.encode() in wire.taken
     for _ in range(10):
@@ -117,7 +85,7 @@ async def test_one_that_floods_keeps_nobody_waiting(relay: Relay, edges: Any) ->
 
     def flood(data: bytes) -> bytes:
         with socket.create_connection(("127.0.0.1", relay.http), 20) as sock:
-            sock.sendall(request("?hz=0"))
+            sock.sendall(request_stream("?hz=0"))
             said = b""
             try:
                 sock.sendall(data)

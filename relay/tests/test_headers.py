@@ -18,14 +18,8 @@ from posecast_relay.net.websocket import LiveSocket, make_live_protocol
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
 
-from .stage import Relay
+from .stage import UPGRADE, Relay
 
-UPGRADE = (
-    "Connection: Upgrade",
-    "Upgrade: websocket",
-    "Sec-WebSocket-Version: 13",
-    "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
-)
 STREAMS = {"live?hz=0": UPGRADE, "live.sse?hz=0": ()}
 
 

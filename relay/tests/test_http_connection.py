@@ -44,7 +44,7 @@ from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
 from posecast_testing import free_port
 
-from .stage import Relay, SharedRelay, Watcher
+from .stage import Relay, SharedRelay, Watcher, Wire
 from .test_observability import figures
 
 MB = 1_000_000
@@ -76,44 +76,6 @@ FLOODS = {
     "a name for all": (400, b"OPTIONS * HTTP/1.1\r\n\r\n", b""),
     "another protocol's": (400, b"CONNECT x:80 HTTP/1.1\r\n\r\n", b""),
 }
-
-
-class Wire:
-    """A transport that takes everything."""
-
-    def __init__(self, peer: str = "192.0.2.1") -> None:
-        self.taken = b""
-        self.closed = False
-        self.peer = peer
-
-    def write(self, data: bytes) -> None:
-        self.taken += data
-
-    def write_eof(self) -> None:
-        self.closed = True
-
-    def close(self) -> None:
-        self.closed = True
-
-    abort = close
-
-    def is_closing(self) -> bool:
-        return self.closed
-
-    def can_write_eof(self) -> bool:
-        return True
-
-    def get_extra_info(self, name: str) -> Any:
-        return (self.peer, 1) if name == "peername" else None
-
-    def set_write_buffer_limits(self, high: int) -> None: ...
-
-    def pause_reading(self) -> None: ...
-
-    def resume_reading(self) -> None: ...
-
-    def get_write_buffer_size(self) -> int:
-        return 0
 
 
 async def no_app(_scope: Any, _receive: Any, _send: Any) -> None:

@@ -28,7 +28,7 @@ from posecast_relay.logging import (
 )
 from posecast_testing import until
 
-from .stage import Relay
+from .stage import Relay, request_stream
 
 HIDING = (
     "\u202e",
@@ -143,12 +143,8 @@ async def test_a_crowd_that_comes_and_goes_is_counted(relays: Any) -> None:
     relay: Relay = relays("--log-level", "info")
 
     def come() -> None:
-        head = (
-            "GET /api/v1/robots/r/live HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
-        )
-        head += "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
         with socket.create_connection(("127.0.0.1", relay.http), 10) as sock:
-            sock.sendall(head.encode())
+            sock.sendall(request_stream())
             sock.recv(1000)
 
     for _ in range(100):

@@ -21,7 +21,7 @@ from posecast_testing import until
 from posecast_wire import Close
 
 from .sim import UNIX_S, Screen, World, schema
-from .stage import Relay, Watcher
+from .stage import Relay, Watcher, request_stream
 
 CANARY = "CANARY-7319"
 
@@ -141,20 +141,14 @@ def published(tmp_path: Path, relays: Callable[..., Relay], edges: Callable[...,
     return found
 
 
-def raw_bytes(relay: Relay, head: str, enough: int) -> bytes:
+def raw_bytes(relay: Relay, head: bytes, enough: int) -> bytes:
     """All that comes back on a socket for a request, until it is so much or closed."""
     got = b""
     with socket.create_connection(("127.0.0.1", relay.http), 10) as sock:
-        sock.sendall(head.replace("\n", "\r\n").encode())
+        sock.sendall(head)
         while len(got) < enough and (part := sock.recv(65536)):
             got += part
     return got
-
-
-UPGRADE = (
-    "GET /api/v1/robots/r/live?hz=60{} HTTP/1.1\nHost: x\nConnection: Upgrade\nUpgrade: websocket\n"
-    "Sec-WebSocket-Version: 13\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\n\n"
-)
 
 
 def test_a_field_outside_the_view_is_in_no_byte(published: Published) -> None:
@@ -162,12 +156,12 @@ def test_a_field_outside_the_view_is_in_no_byte(published: Published) -> None:
     heard = until("the lab's view is on air", lambda: published.lab.seq > 5)
     assert heard
     doors = [
-        raw_bytes(relay, UPGRADE.format(""), 1500),
-        raw_bytes(relay, UPGRADE.format("&format=json"), 3000),
-        raw_bytes(relay, UPGRADE.format("&view=lab"), 1500),
-        raw_bytes(relay, "GET /api/v1/robots/r/live.sse?hz=60 HTTP/1.1\nHost: x\n\n", 3000),
-        raw_bytes(relay, "GET /api/v1/robots/r/live.sse?format=json HTTP/1.1\nHost: x\n\n", 3000),
-        raw_bytes(relay, "GET /api/v1/robots/r/live.sse?view=lab HTTP/1.1\nHost: x\n\n", 1500),
+        raw_bytes(relay, request_stream("?hz=60"), 1500),
+        raw_bytes(relay, request_stream("?hz=60&format=json"), 3000),
+        raw_bytes(relay, request_stream("?hz=60&view=lab"), 1500),
+        raw_bytes(relay, b"GET /api/v1/robots/r/live.sse?hz=60 HTTP/1.1\r\nHost: x\r\n\r\n", 3000),
+        raw_bytes(relay, b"GET /api/v1/robots/r/live.sse?format=json HTTP/1.1\r\nHost: x\r\n\r\n", 3000),
+        raw_bytes(relay, b"GET /api/v1/robots/r/live.sse?view=lab HTTP/1.1\r\nHost: x\r\n\r\n", 1500),
     ]
     doors += [
         httpx.get(f"{published.base}{path}").content

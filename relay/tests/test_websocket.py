@@ -29,7 +29,7 @@ from posecast_wire import Close
 
 from . import autobahn
 from .sim import schema
-from .stage import Relay, Watcher
+from .stage import UPGRADE, Relay, Watcher, Wire, request_stream
 
 
 def stride(seqs: list[int]) -> float:
@@ -191,13 +191,7 @@ async def test_rate_changes_while_watching(relay: Relay, edges: Any) -> None:
 def test_a_malformed_request_gets_a_status(
     relay: Relay, target: str, headers: dict[str, str], status: int
 ) -> None:
-    usual = {
-        "Host": relay.address,
-        "Connection": "Upgrade",
-        "Upgrade": "websocket",
-        "Sec-WebSocket-Version": "13",
-        "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
-    }
+    usual = dict(line.split(": ") for line in (f"Host: {relay.address}", *UPGRADE))
     lines = [f"GET {target} HTTP/1.1", *(f"{k}: {v}" for k, v in (usual | headers).items()), "", ""]
     with socket.create_connection(("127.0.0.1", relay.http), 5) as sock:
         sock.sendall("\r\n".join(lines).encode())
@@ -213,17 +207,7 @@ def raw_viewer(relay: Relay, receive_bytes: int = 4096) -> socket.socket:
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)
     sock.settimeout(30)
     sock.connect(("127.0.0.1", relay.http))
-    lines = [
-        "GET /api/v1/robots/r/live?hz=60 HTTP/1.1",
-        f"Host: {relay.address}",
-        "Connection: Upgrade",
-        "Upgrade: websocket",
-        "Sec-WebSocket-Version: 13",
-        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
-        "",
-        "",
-    ]
-    sock.sendall("\r\n".join(lines).encode())
+    sock.sendall(request_stream("?hz=60"))
     return sock
 
 
@@ -298,23 +282,6 @@ def test_a_short_text_is_read_as_the_library_would(size: int) -> None:
     assert read_short_text(b"") is None
 
 
-class Wire:
-    """A transport that takes everything and keeps it."""
-
-    def __init__(self) -> None:
-        self.taken = b""
-
-    def write(self, data: bytes) -> None:
-        self.taken += data
-
-    def get_extra_info(self, _name: str) -> None: ...
-
-    def set_write_buffer_limits(self, high: int) -> None: ...
-
-    def get_write_buffer_size(self) -> int:
-        return 0
-
-
 async def test_messages_are_understood_however_the_network_cuts_them() -> None:
     """Short ones are read without the library, but never in the middle of what it reads."""
     dispatcher = Dispatcher(Hub(Limits(messages_burst=1000)), MemoryStore(), FanOut(None))
@@ -325,17 +292,13 @@ async def test_messages_are_understood_however_the_network_cuts_them() -> None:
     ]
     frames = [head + bytes(4) + ping for head, ping in zip(heads, pings, strict=True)]
     stream, bounds = b"".join(frames), [0, *accumulate(len(frame) for frame in frames)]
-    request = (
-        b"GET /api/v1/robots/r/live HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
-        b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
-    )
     for seed in range(200):
         random, wire = Random(seed), Wire()
         config, server = SimpleNamespace(), SimpleNamespace(connections=set())
         viewer: Any = make_live_protocol(Access(dispatcher), DecodeCache())(config, server, None)  # type: ignore[arg-type]
         viewer.connection_made(wire)
         together = random.choice([0, 0, 3, 60])  # the first bytes may come with the request
-        viewer.data_received(request + stream[:together])
+        viewer.data_received(request_stream() + stream[:together])
         at = together
         while at < len(stream):
             whole = next((end - at for begin, end in pairwise(bounds) if begin == at), 1)
@@ -349,17 +312,12 @@ async def test_messages_are_understood_however_the_network_cuts_them() -> None:
 async def test_a_connection_that_is_gone_is_gone_from_memory_without_a_collection() -> None:
     dispatcher = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
     config, server = SimpleNamespace(), SimpleNamespace(connections=set())
-    request = (
-        b"GET /api/v1/robots/r/live HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
-        b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
-    )
     gc.disable()
     try:
         viewer: Any = make_live_protocol(Access(dispatcher), DecodeCache())(config, server, None)  # type: ignore[arg-type]
         wire: Any = Wire()
-        wire.can_write_eof, wire.close, wire.abort = lambda: False, lambda: None, lambda: None
         viewer.connection_made(wire)
-        viewer.data_received(request)
+        viewer.data_received(request_stream())
         assert len(dispatcher.hub.viewers) == 1
         viewer.eof_received()
         viewer.connection_lost(None)

@@ -1,4 +1,4 @@
-"""The lane's bench: its viewers in C count what came, its origin what was asked, its simulation adds up."""
+"""The benches: viewers in C count what came, the lane's origin what was asked, its simulation adds up."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import asyncio
 import json
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import threading
@@ -14,14 +15,18 @@ import urllib.request
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
 from posecast_wire import Encoder, Schema, build_schema_text
 from posecast_wire.segment import FrameRecord, Segment, SegmentStart, encode_segment
+from websockets import Subprotocol
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import ServerConnection, serve
 
 from relay.benches.lane.caches import start_nginx
 from relay.benches.lane.origin import CountedApp, OriginRequest, TimedCall, name_kind, read_requests
@@ -41,12 +46,17 @@ SCHEMA = Schema.parse(build_schema_text("bench", {"joint": ["A"]}, FIELDS))
 
 
 @pytest.fixture(scope="module")
-def lane_viewers() -> str:
+def programs() -> dict[str, str]:
     if shutil.which("cc") is None:
         pytest.skip("no C compiler (cc) here")
     build = [sys.executable, "-m", "relay.benches.build"]
     said = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=True, timeout=60).stdout
-    return dict(line.split(" ", 1) for line in said.splitlines())["viewers"]
+    return dict(line.split(" ", 1) for line in said.splitlines())
+
+
+@pytest.fixture
+def lane_viewers(programs: dict[str, str]) -> str:
+    return programs["viewers"]
 
 
 def make_segment(take: int, index: int, first_seq: int, run: int = 7) -> bytes:
@@ -469,3 +479,87 @@ def test_where_fewer_may_be_held_than_nodes_ask_the_others_come_again() -> None:
 def test_every_viewer_gets_every_part_from_its_first_on() -> None:
     tally = play(make_timeline("a", 100.0))
     assert sum(map(len, tally.behind_s)) >= 400 * 18
+
+
+# ---- the bench's C programs compile, find each other, and count what was sent --------
+
+
+KEY_HEADER = struct.Struct("<BIId")  # wire format 1: tag, schema id, seq, t s
+
+
+@pytest.fixture
+def stamps(tmp_path: Path) -> Path:
+    path = tmp_path / "stamps"
+    path.write_bytes(bytes(65537 * 8))
+    return path
+
+
+def watch_bare(programs: dict[str, str], stamps: Path, *more: str) -> dict[str, object]:
+    """What 20 viewers of a bare server at 50 Hz saw."""
+    command = [programs["bare_server"], "--hz", "50", "--stamps", str(stamps)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            port = server.stdout.readline().split()[1]
+            viewers = [programs["viewers"], "--port", port, "--stamps", str(stamps), "--viewers", "20"]
+            viewers += ["--server-pid", str(server.pid), *more]
+            done = subprocess.run(viewers, capture_output=True, text=True, check=True, timeout=60)
+        finally:
+            server.kill()
+    seen: dict[str, object] = json.loads(done.stdout)
+    return seen
+
+
+def test_twenty_viewers_see_every_frame_once_and_in_order(programs: dict[str, str], stamps: Path) -> None:
+    seen = watch_bare(programs, stamps, "--seconds", "1", "--settle", "0.2")
+    messages = seen["messages"]
+    assert isinstance(messages, int)
+    assert messages > 0
+    assert seen["bytes"] == 200 * messages
+    assert seen["keys"] == messages
+    assert seen["opened"] == 20
+    troubles = ("failed", "duplicates", "reordered", "missed", "orphans", "unreadable", "unstamped", "closed")
+    assert {name: seen[name] for name in troubles} == dict.fromkeys(troubles, 0)
+    assert isinstance(seen["acks"], int)
+    assert isinstance(seen["wall_s"], float)
+    # at the first frame, then once a second at most; the settling and one at either end
+    assert 20 <= seen["acks"] <= 20 * (seen["wall_s"] + 0.2 + 2)
+
+
+def test_frozen_viewers_are_not_counted(programs: dict[str, str], stamps: Path) -> None:
+    seen = watch_bare(programs, stamps, "--seconds", "1", "--settle", "0.2", "--frozen", "10")
+    assert seen["jain"] == pytest.approx(1.0, abs=0.01)
+    assert seen["frozen"] == {"count": 10, "gone": 0, "last_gone_s": 0.0, "backlog_s": 0.0}
+
+
+def test_all_at_once(programs: dict[str, str], stamps: Path) -> None:
+    seen = watch_bare(programs, stamps, "--mode", "storm")
+    assert (seen["opened"], seen["failed"]) == (20, 0)
+
+
+def test_viewers_of_another_protocol(programs: dict[str, str], stamps: Path) -> None:
+    """They ask for its subprotocol, greet it, and find the frame behind its own bytes."""
+    heard: set[tuple[str | None, str | bytes]] = set()
+
+    def news(connection: ServerConnection) -> None:
+        heard.add((connection.subprotocol, connection.recv()))
+        connection.send(b"welcome")  # shorter than any frame, so none
+        with suppress(ConnectionClosed):
+            for seq in count(1):
+                connection.send(b"MSG " + KEY_HEADER.pack(0x13, 0, seq, 0.0).ljust(50))
+                with suppress(TimeoutError):
+                    heard.add(("later", connection.recv(timeout=0.02)))
+
+    with serve(news, "127.0.0.1", 0, subprotocols=[Subprotocol("news")], compression=None) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        port = str(server.socket.getsockname()[1])
+        command = [programs["viewers"], "--port", port, "--stamps", str(stamps), "--viewers", "3"]
+        command += ["--seconds", "0.5", "--settle", "0.1", "--subprotocol", "news", "--greet", "hex:00ff"]
+        command += ["--skip", "4", "--acks", "0"]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+        server.shutdown()
+    seen = json.loads(done.stdout)
+    assert heard == {("news", b"\x00\xff")}
+    assert seen["bytes"] == 50 * seen["messages"]
+    assert (seen["unreadable"], seen["acks"], seen["opened"]) == (0, 0, 3)
+    assert seen["received"] >= seen["messages"] * (50 + 4 + 2)
