@@ -35,9 +35,10 @@ const FIRST = {
 
 /** Other parts of the page that are loaded together are one file. */
 const TOGETHER: readonly (readonly [name: string, files: RegExp])[] = [
+  ['segments', /wire\/typescript\/src\/(segment|recording|messages|decoder|frame|checked|schema_parser)/],
   ['past', /src\/(app\/past|past\/(?!save|recording))/],
   ['recording', /src\/(app\/pages\/recording|past\/recording)/],
-  ['balance', /src\/(app\/balance\/(?!BalanceParts)|scene\/signs\/balance)/],
+  ['balance', /src\/(app\/balance\/(?!BalanceParts)|scene\/signs\/(balance_|footprints|joint_arc))/],
   ['settings', /src\/app\/settings\/(?!LimitSettings)/],
   ['share', /src\/app\/(present|share\/(?!view_address))|node_modules\/qr\//],
   ['plots', /src\/app\/(numbers\/plots|robot\/SelfPlots)|node_modules\/uplot\//],
@@ -57,6 +58,8 @@ const CHUNKS: Rolldown.CodeSplittingGroup[] = [
   },
   {
     name: (id, graph) => {
+      // all that imports anything of this package imports its index, which imports all of it
+      if (id.includes('/wire/typescript/')) return null;
       const needed = Object.entries(FIRST).filter(([, file]) => importsOf(file, graph).has(id));
       return needed.map(([name]) => name).join('_') || null;
     },

@@ -222,8 +222,7 @@ def test_a_program_that_prints_lines(desk: Desk) -> None:
 
 def test_recordings(desk: Desk) -> None:
     pytest.importorskip("mcap", reason="the extra [mcap] is not installed")
-    from bag_stage import walk, write_ros2
-    from bag_stage import BEGAN_NS, Bag, joint_state
+    from bag_stage import BEGAN_NS, Bag, joint_state, walk, write_ros2
     from rosbags.rosbag2 import StoragePlugin
 
     rows = "".join(f"{k / HZ},{k % HZ / HZ},0.2\n" for k in range(RECORDED_S * HZ))

@@ -176,7 +176,7 @@ describe('every request of the page', () => {
   it('asks for data with `request`, which notices a proxy; the others ask for the page itself', () => {
     expect(having(/(?<![.\w#])fetch\((?!\)|\w+: )/).sort()).toEqual([
       'app/share/ShareSheet.tsx',
-      'app/shell/reload.ts',
+      'app/shell/late.tsx',
       'browser/retry.ts',
       'relay/relay.ts',
       'relay/request.ts',

@@ -74,7 +74,7 @@ class Decoder:
 
     def _decode_from(self, frame: bytes, header: Header) -> Frame:
         key = self._key
-        if key is None:
+        if key is None or key.id != header.base_id:
             raise BaseUnknown(f"base {header.base_id or 0:08x} is not here")
         of = key.frame
         _check_size(frame, of.schema.frame_bytes_max)
