@@ -60,7 +60,7 @@ def test_a_column_twice_is_named_in_one_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "field", "gain"),
-    [("a [deg]", "a", 0.017), ("a[b] [mm]", "a[b]", 0.001), ("a [b", "a [b", 1), ("a] [mA]", "a]", 0.001)],
+    [("a [deg]", "a", 0.017), ("a[b] [mm]", "a[b]", 0.001), ("a [b", "a [b", 1), ("a] [mm]", "a]", 0.001)],
 )
 def test_units_stand_in_the_last_brackets(name: str, field: str, gain: float, tmp_path: Path) -> None:
     [sample] = rows(tmp_path, f"t,{name}\n0,1\n".encode())

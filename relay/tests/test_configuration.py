@@ -74,9 +74,8 @@ def test_a_relay_waits_for_a_file_that_is_wrong_or_not_there(
     path = tmp_path / "robots.toml"
     relay = starting(path)
     until("it waits", partial(relay.is_ready, "waiting"), START_S)
-    why = "robots.toml: no such file or directory; nobody can publish or watch until this is fixed: make it"
-    fix = f"{why} with `posecast-relay robots add --robots {path} ID`"
-    until("it says why", lambda: fix in relay.errors())
+    why = f"robots.toml: no such file or directory (`posecast-relay robots add --robots {path} ID` makes it)"
+    until("it says why", lambda: f"{why}; nobody can publish" in relay.errors())
     write(path, WRONG)
     until("it says the next reason", lambda: "unknown field 'secrte'" in relay.errors())
     for route, status in (("/livez", 200), ("/readyz", 503), ("/api/v1/robots", 503), ("/", 503)):

@@ -58,9 +58,9 @@ async def wait_for_robots(settings: Settings) -> Robots | None:
         except (RobotsError, CertificateError) as e:
             if str(e) != reported:
                 is_missing = settings.robots is not None and not settings.robots.exists()
-                hint = f": make it with `posecast-relay robots add --robots {settings.robots} ID`"
+                hint = f" (`posecast-relay robots add --robots {settings.robots} ID` makes it)"
                 log.error(
-                    "%s; nobody can publish or watch until this is fixed%s", e, hint if is_missing else ""
+                    "%s; nobody can publish or watch until this is fixed", f"{e}{hint if is_missing else ''}"
                 )
             reported = str(e)
         else:
