@@ -36,6 +36,8 @@ const FIRST = {
 /** Other parts of the page that are loaded together are one file. */
 const TOGETHER: readonly (readonly [name: string, files: RegExp])[] = [
   ['segments', /wire\/typescript\/src\/(segment|recording|messages|decoder|frame|checked|schema_parser)/],
+  ['faults', /src\/app\/(state\/own_alarms|words)/],
+  ['moments', /src\/app\/past\/(jump|save\/(?!Outcome))/],
   ['past', /src\/(app\/past|past\/(?!save|recording))/],
   ['recording', /src\/(app\/pages\/recording|past\/recording)/],
   ['balance', /src\/(app\/balance\/(?!BalanceParts)|scene\/signs\/(balance_|footprints|joint_arc))/],

@@ -102,7 +102,7 @@ describe('the page on a host of plain files', () => {
 
     const assets = path.join(folder, 'assets');
     rmSync(
-      path.join(assets, readdirSync(assets).find((name) => /^newer-ShareSheet-.*\.js$/.test(name)) ?? ''),
+      path.join(assets, readdirSync(assets).find((name) => /^newer-share-.*\.js$/.test(name)) ?? ''),
     );
     await page.evaluate('window.before = true');
     await page.findByRole('button', 'Share').click();

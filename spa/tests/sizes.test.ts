@@ -56,6 +56,24 @@ describe.skipIf(!built)('bundle (skipped when spa/dist is not built)', () => {
 
   const PAGE = ['index.html', 'src/early.ts'];
 
+  it('has no files that wait for each other: each would find the other half done', () => {
+    const imported = (file: string) =>
+      [
+        ...read(`assets/${file}`)
+          .toString()
+          .matchAll(/(?:from|import)\s*"\.\/([^"]+\.js)"/g),
+      ].map(([, name]) => name!);
+    const done = new Set<string>();
+    const follow = (file: string, way: readonly string[]) => {
+      expect(way, 'a circle of files').not.toContain(file);
+      if (done.has(file)) return;
+      for (const next of imported(file)) follow(next, [...way, file]);
+      done.add(file);
+    };
+    for (const file of scripts()) follow(file, []);
+    expect(done.size).toBeGreaterThan(20);
+  });
+
   it.each<[keyof typeof LIMITS, readonly string[]]>([
     ['the page, with the worker of its stream', []],
     ['the page with the numbers', ['numbers']],
