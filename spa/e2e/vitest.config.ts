@@ -8,7 +8,7 @@ export default defineConfig({
     include: ['**/*.test.ts'],
     environment: 'node',
     pool: 'forks',
-    maxWorkers: 3,
+    maxWorkers: 4,
     isolate: false,
     testTimeout: 400_000,
     hookTimeout: 200_000,

@@ -1,18 +1,17 @@
 import { useCallback, useEffect, useRef, useState, useSyncExternalStore } from 'react';
-import type { PastSource } from '../../past/past_source.ts';
-import { late, onDemand } from '../shell/late.tsx';
-import { isHeard, type RobotLink } from '../state/robot_link.ts';
-import { usePresenting } from '../state/viewing.ts';
-import { useMore } from '../text/language.ts';
-import type { Past } from './past_link.ts';
-import '../shell/styles/robot.css';
 import { LatePart } from '../../browser/late_part.ts';
 import { firstPaint } from '../../browser/painting.ts';
+import type { PastSource } from '../../past/past_source.ts';
 import { pastUrl } from '../../relay/addresses.ts';
 import { relayChoice } from '../../relay/relay.ts';
 import { request } from '../../relay/request.ts';
 import { tokenFor } from '../../relay/token.ts';
+import { late, onDemand } from '../shell/late.tsx';
 import { address, momentIn, queryOf } from '../state/address.ts';
+import { isHeard, type RobotLink } from '../state/robot_link.ts';
+import { usePresenting } from '../state/viewing.ts';
+import { useMore } from '../text/language.ts';
+import type { Past } from './past_link.ts';
 
 /** Loaded only if there is a past. */
 const PAST = new LatePart(

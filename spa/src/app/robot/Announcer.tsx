@@ -6,7 +6,6 @@ import { ImuTable } from '../../twin/sensors/imus.ts';
 import { WrenchTable } from '../../twin/sensors/wrenches.ts';
 import { BALANCE, mayTell } from '../balance/BalanceParts.tsx';
 import type { RobotLink } from '../state/robot_link.ts';
-import '../shell/styles/robot.css';
 import { useMore } from '../text/language.ts';
 import { type Announcement, type AnnouncementInput, announcement } from './announcement.ts';
 

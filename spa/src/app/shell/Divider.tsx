@@ -1,4 +1,3 @@
-import './styles/robot.css';
 import { type KeyboardEvent, type PointerEvent, useRef } from 'react';
 import { say } from '../text/language.ts';
 

@@ -1,4 +1,3 @@
-import './styles/robot.css';
 import { type PointerEvent, type ReactNode, useRef, useState } from 'react';
 import { say } from '../text/language.ts';
 
