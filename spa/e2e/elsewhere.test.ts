@@ -101,9 +101,7 @@ describe('the page on a host of plain files', () => {
     await page.press('Escape');
 
     const assets = path.join(folder, 'assets');
-    rmSync(
-      path.join(assets, readdirSync(assets).find((name) => /^newer-share-.*\.js$/.test(name)) ?? ''),
-    );
+    rmSync(path.join(assets, readdirSync(assets).find((name) => /^newer-share-.*\.js$/.test(name)) ?? ''));
     await page.evaluate('window.before = true');
     await page.findByRole('button', 'Share').click();
     await until('said so', there(page, 'not-here'));

@@ -156,7 +156,9 @@ it('a recording on a slow line moves nothing before its first pose that it does 
       expect.arrayContaining(['recording.json', 'manifest.json']),
     );
     // the delay between bytes and picture depends on the machine
-    const needed = before.filter(({ file }) => !/^(three|twin|stance|numbers_three|favicon)|\.glb$/.test(file));
+    const needed = before.filter(
+      ({ file }) => !/^(three|twin|stance|numbers_three|favicon)|\.glb$/.test(file),
+    );
     expect(needed.reduce((sum, { bytes }) => sum + bytes, 0)).toBeLessThan(223_000);
   } finally {
     await host.close();

@@ -188,7 +188,9 @@ describe('limits', () => {
     const openLimits = async () => {
       await page.findByRole('button', 'Settings').click();
       await until('limits', there(page, 'limits'));
-      await page.evaluate('for (const group of document.querySelectorAll(".limits details")) group.open = true');
+      await page.evaluate(
+        'for (const group of document.querySelectorAll(".limits details")) group.open = true',
+      );
     };
     await openLimits();
     const high = '[data-testid="limit-ftf-RF.fz"] .number-field:nth-of-type(2) input';
