@@ -172,6 +172,14 @@ def test_what_it_names_exists(page: Path) -> None:
     assert missing == []
 
 
+@pytest.mark.parametrize("page", NAMING, ids=lambda page: page.stem)
+def test_a_source_file_that_it_names_without_a_folder_exists(page: Path) -> None:
+    named = re.findall(r"`(\w+\.(?:py|tsx?|css))`", page.read_text(encoding="utf-8"))
+    folders = ("edge-agent", "relay", "spa/src", "spa/e2e", "wire", "tests", "tools", "loadtests")
+    known = {file.name for folder in folders for file in (ROOT / folder).rglob("*.*")}
+    assert [name for name in named if name not in known] == []
+
+
 def test_it_names_a_file_for_each_step() -> None:
     steps = re.findall(r"^\| (\d+) \| (?:edge|relay|page) `", OVERVIEW.read_text(), re.MULTILINE)
     assert [int(step) for step in steps] == list(range(1, 15))

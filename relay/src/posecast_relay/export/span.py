@@ -12,11 +12,11 @@ import os
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Literal, Protocol
+from typing import BinaryIO, Protocol
 
 from posecast_wire.recording import (
     RECORDING_FILE,
@@ -220,7 +220,11 @@ class ExportedSpan:
             return None
 
 
-TableFormat = Literal["csv", "mcap"]
+# suffix of a file → what writes a table to it, and returns the number of frames
+WRITERS: Mapping[str, Callable[[BinaryIO, TableReader, ExportedSpan], int]] = {
+    ".csv": lambda file, table, _span: write_csv(file, table),
+    ".mcap": lambda file, table, span: write_mcap(file, table, span.find_model_file),
+}
 
 
 @dataclass(frozen=True)
@@ -233,10 +237,9 @@ class WrittenTable:
     warnings: Sequence[str]
 
 
-def write_table(file: BinaryIO, kind: TableFormat, span: ExportedSpan) -> WrittenTable:
-    """Write the frames that were accepted in the span (and in MCAP the events), and return what there was.
-    What can't be read is passed over. Raises OSError, TooManyColumnsError,
-    TooManyTopicsError, and McapMissingError without the extra `export`."""
+def write_table(file: BinaryIO, suffix: str, span: ExportedSpan) -> WrittenTable:
+    """Write the frames that were accepted in the span (and in MCAP the events) as WRITERS has it for the
+    suffix, and return what there was. What can't be read is passed over. Raises OSError,
+    TooManyColumnsError, TooManyTopicsError, and McapMissingError without the extra `export`."""
     table = TableReader(span.read_segments(), span.recording.schemas, span.from_ms, span.to_ms)
-    frames = write_csv(file, table) if kind == "csv" else write_mcap(file, table, span.find_model_file)
-    return WrittenTable(frames, table.held, table.losses.describe())
+    return WrittenTable(WRITERS[suffix](file, table, span), table.held, table.losses.describe())

@@ -15,7 +15,13 @@ from posecast_wire.recording import RECORDING_FILE, PastRecording, RecordingErro
 from posecast_wire.recording.contents import RECORDING_BYTES_MAX
 
 from posecast_relay.config.settings import SettingsError, SettingsParser
-from posecast_relay.export.span import ExportedSpan, FileUnreadable, RecordingFiles, open_recording_files
+from posecast_relay.export.span import (
+    WRITERS,
+    ExportedSpan,
+    FileUnreadable,
+    RecordingFiles,
+    open_recording_files,
+)
 from posecast_relay.past_command.common import read_end, read_start, write_moment
 from posecast_relay.past_command.export import (
     WRITING_FAILED,
@@ -28,7 +34,6 @@ from posecast_relay.recording.collector import NothingThere
 from posecast_relay.recording.output import check_place, open_place
 
 HELP = "convert a recording (.posecast or an exported folder) to .mcap or .csv"
-FORMATS = (".mcap", ".csv")
 STATUSES = {0: "success", 1: "OUT could not be written", 2: "wrong arguments, or no such recording in FILE"}
 
 
@@ -103,6 +108,6 @@ def _write(asked: argparse.Namespace, span: ExportedSpan) -> tuple[WrittenExport
 
 def _read_out(text: str) -> Path:
     path = Path(text)
-    if path.suffix not in FORMATS:
-        raise argparse.ArgumentTypeError(f"name a file that ends in {' or '.join(FORMATS)}")
+    if path.suffix not in WRITERS:
+        raise argparse.ArgumentTypeError(f"name a file that ends in {' or '.join(WRITERS)}")
     return path

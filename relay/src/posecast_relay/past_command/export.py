@@ -24,7 +24,7 @@ from posecast_relay.config.settings import SettingsError, find_page
 from posecast_relay.core.policy import PUBLIC, Audience
 from posecast_relay.export.csv_file import TooManyColumnsError
 from posecast_relay.export.mcap_file import McapMissingError, TooManyTopicsError
-from posecast_relay.export.span import ExportedSpan, RecordingFolder, write_table
+from posecast_relay.export.span import WRITERS, ExportedSpan, RecordingFolder, write_table
 from posecast_relay.export.table import GAP_MS, HeldTime
 from posecast_relay.kit import write_count
 from posecast_relay.past.segment import PAGE_MS
@@ -48,7 +48,7 @@ from posecast_relay.recording.store_source import StoreSource
 
 HELP = "export a time span of the past: a folder that plays in a browser, .posecast, .csv or .mcap"
 RELAY = "http://127.0.0.1:8080"
-FILES = (".posecast", ".csv", ".mcap")
+FILES = (".posecast", *WRITERS)
 FOREIGN = frozenset(  # formats we can't write; without this list they would become folder names
     [
         ".avi",
@@ -261,7 +261,7 @@ def write_table_file(out: Path, span: ExportedSpan, place: Path) -> WrittenExpor
     """Write a span as a table or as messages, by the suffix of `out`, to `place`. Raises NothingThere,
     OSError, and the errors of WRITING_FAILED."""
     with place.open("wb") as file:
-        table = write_table(file, "csv" if out.suffix == ".csv" else "mcap", span)
+        table = write_table(file, out.suffix, span)
     if not table.frames:
         raise NothingThere("; ".join(("no frames in this span", *table.warnings)))
     return WrittenExport(write_count(table.frames, "frame"), table.held, table.warnings)

@@ -39,7 +39,7 @@ def write_data_files(folder: Path, span: ExportedSpan, most_mb: int) -> DataFile
         path = folder / name
         try:
             with _LimitedFile(path, most_mb) as file:
-                table = write_table(file, "csv" if path.suffix == ".csv" else "mcap", span)
+                table = write_table(file, path.suffix, span)
         except (_TooLarge, McapMissingError, TooManyColumnsError, TooManyTopicsError) as e:
             why = str(e)
         else:
