@@ -201,6 +201,7 @@ export default defineConfig({
     environment: 'node',
     testTimeout: 120_000, // these tests measure no time: on a busy machine, the default of five seconds would
     maxWorkers: '100%',
+    setupFiles: [path.resolve(import.meta.dirname, 'tests/rigs/patience.ts')],
     projects: [
       { extends: true, test: { name: 'alone', include: TESTS.filter(isAlone) } },
       {
