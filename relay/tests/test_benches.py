@@ -108,21 +108,15 @@ def stand_in(script: dict[str, list[tuple[int, bytes]]]) -> Iterator[tuple[str, 
         server.server_close()
 
 
+def watch_lane(binary: str, port: str, viewers: int) -> list[str]:
+    """The command of viewers that all come at once."""
+    what = {"mode": "lane", "port": port, "robot": "bench", "viewers": f"{viewers}", "join": "0"}
+    return [binary, *(part for name, value in what.items() for part in (f"--{name}", value))]
+
+
 def watch(binary: str, port: str, until: Counter[str], path: str, viewers: int = 3) -> dict[str, Any]:
     """What viewers saw until so many have asked for `path` at least once each."""
-    command = [
-        binary,
-        "--mode",
-        "lane",
-        "--port",
-        port,
-        "--robot",
-        "bench",
-        "--viewers",
-        f"{viewers}",
-        "--join",
-        "0",
-    ]
+    command = watch_lane(binary, port, viewers)
     pipe = subprocess.PIPE
     with subprocess.Popen([*command, "--seconds", "60"], stdin=pipe, stdout=pipe, text=True) as child:
         end_s = time.monotonic() + 50
@@ -194,19 +188,7 @@ def test_bytes_that_are_no_segment_are_unreadable(lane_viewers: str) -> None:
         f"/public/{TAKE:016x}/0": [(200, b"\x89PCS\x01" + b"\xff" * 600)],
     }
     with stand_in(script) as (port, asked):
-        command = [
-            lane_viewers,
-            "--mode",
-            "lane",
-            "--port",
-            port,
-            "--robot",
-            "bench",
-            "--viewers",
-            "1",
-            "--join",
-            "0",
-        ]
+        command = watch_lane(lane_viewers, port, 1)
         pipe = subprocess.PIPE
         with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as child:
             while asked["/api/v1/robots/bench/past?view=public"] < 2:  # it begins anew
