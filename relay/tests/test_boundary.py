@@ -37,7 +37,7 @@ AT_OTHER_TIMES = {
     "Access._tell_recorder",
     "Access._readmit",
     "Access._apply_policy",
-    *("Access.renew", "Access.compute_expiry"),
+    "Access.renew",
     "Addresses.leave",  # of an address that is counted: not of this machine's own
     "EventStream.end",
     *("Access.tell_full", "Access._explain_no_lane", "_Http._turn_away"),  # where there is no place

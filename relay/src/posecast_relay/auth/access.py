@@ -141,10 +141,6 @@ class Access:
         """
         return self.policy.list_frame_ancestors(robot, self.origins)
 
-    def compute_expiry(self, grant: Grant) -> float:
-        """Return when a grant expires, in seconds of the core's clock."""
-        return self.live.now() + grant.who.until_s - self.live.unix_s()
-
     def find_dispatcher(self, grant: Grant) -> Dispatcher:
         """Return the dispatcher that serves viewers with this grant: the live or the delayed one."""
         return self.later if grant.delay_s > 0 and self.later is not None else self.live
@@ -245,7 +241,7 @@ class Access:
         if isinstance(found, Refusal):
             dispatcher.carry_out(dispatcher.hub.refuse(viewer, found.close, found.reason))
         else:
-            viewer.set_expiry(self.compute_expiry(found))
+            viewer.set_expiry(self.live.compute_expiry(found.who.until_s))
             dispatcher.carry_out(dispatcher.hub.replace_grant(viewer, found, dispatcher.now()))
 
     def renew(self, viewer: Viewer, token: str) -> None:

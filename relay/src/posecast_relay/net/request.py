@@ -84,7 +84,7 @@ def make_viewer(
         speaks=speaks,
         grant=grant,
         asked_view=asked.view,
-        expires_at=now + grant.who.until_s - dispatcher.unix_s(),
+        expires_at=dispatcher.compute_expiry(grant.who.until_s),
     )
 
 

@@ -189,6 +189,11 @@ class Dispatcher:
         """
         return CLOCK_START_S + time.monotonic()
 
+    @classmethod
+    def compute_expiry(cls, until_s: float) -> float:
+        """Return a unix time as seconds of the core's clock."""
+        return cls.now() + until_s - cls.unix_s()
+
     @staticmethod
     def unix_s() -> float:
         """Return the wall clock in unix seconds. It is only shown, never compared."""
