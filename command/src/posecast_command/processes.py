@@ -82,12 +82,15 @@ class Processes:
                 if word in line:
                     written.set()
 
-        threading.Thread(target=read, name="stdout", daemon=True).start()
+        reader = threading.Thread(target=read, name="stdout", daemon=True)
+        reader.start()
         give_up_s = time.monotonic() + limit_s
         while not written.wait(POLL_S):
             self._obey_ending()
             if self.find_ended() is not None or time.monotonic() > give_up_s:
-                return process, False
+                if process.poll() is not None:
+                    reader.join(END_S)  # what it wrote last
+                return process, written.is_set()
         return process, True
 
     def pause(self) -> None:
