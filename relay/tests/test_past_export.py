@@ -190,6 +190,21 @@ def test_a_plain_nginx_serves_it(tmp_path: Path, station: Station, place: str) -
         nginx.wait()
 
 
+def test_what_may_be_exported_is_listed(station: Station, capsys: pytest.CaptureFixture[str]) -> None:
+    at = f"http://{station.relay.address}"
+    for arguments in ([], ["--robot", "r"], ["--robot", "r", "--view", "public", "--days"]):
+        run_past(["list", "--relay", at, *arguments], {})
+        head, *rows = capsys.readouterr().out.splitlines()
+        days = ["day"] if "--days" in arguments else []
+        assert head.split() == ["robot", "view", *days, "from", "to", "segments"]
+        assert [row.split()[:2] for row in rows] == [["r", "public"]]
+        assert int(rows[0].split()[-1]) >= 3
+    for wrong, told in (("http://127.0.0.1:1", "is it another address? --relay URL"), (at, "no such robot")):
+        with pytest.raises(SystemExit, match="1"):
+            run_past(["list", "--relay", wrong, "--robot", "nobody"], {})
+        assert told in capsys.readouterr().err
+
+
 def test_what_is_private_needs_a_token_and_a_word(
     tmp_path: Path,
     relays: Callable[..., Relay],

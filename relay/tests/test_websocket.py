@@ -33,7 +33,7 @@ from .stage import UPGRADE, Relay, Watcher, Wire, request_stream
 
 
 def stride(seqs: list[int]) -> float:
-    """The usual step between frames. On a busy machine a stream of 30 Hz is slower; that each step is exact is
+    """The usual step between frames. A busy machine slows a stream of 30 Hz down, so exact steps are
     tested on a clock of the test's own."""
     assert seqs == sorted(set(seqs))
     return median(b - a for a, b in pairwise(seqs))

@@ -31,6 +31,16 @@ it('a robot that has left stands no more under "On air"; nobody watching is not 
   expect(await page.evaluate<string>("document.querySelector('.list').textContent")).not.toMatch(/0 viewers/);
 });
 
+it('robots of one name show their ids as well', async () => {
+  const relay = await stage.stack.relay();
+  for (const robot of ['left', 'right']) stage.stack.fedEdge(relay, SWINGING, { robot, profile: 'demo' });
+  stage.stack.fedEdge(relay, SWINGING, { robot: 'other' });
+  const page = await stage.open(`${relay.url}/`);
+  await until('all', async () => (await names(page, 'robots')).length === 3);
+  const ids = "[...document.querySelectorAll('.card-id')].map((id) => id.textContent)";
+  await until('their ids', async () => (await page.evaluate<string[]>(ids)).join() === 'left,right');
+});
+
 it('an address without # leads to its robot, and a mistyped one to a sentence and the list', async () => {
   const relay = await stage.stack.relay();
   stage.stack.fedEdge(relay, SWINGING, { robot: 'demo' });

@@ -17,6 +17,7 @@ from posecast_relay.past.address import write_day
 from posecast_relay.past.segment import DAY_MS
 from posecast_relay.past_command.common import (
     OTHER_VERSION,
+    CommandFailed,
     RelayAway,
     add_location,
     add_robot,
@@ -25,6 +26,8 @@ from posecast_relay.past_command.common import (
     open_store,
     write_moment_utc,
 )
+from posecast_relay.recording.http_source import HttpSource, list_robots
+from posecast_relay.recording.source import PastUnreadable
 
 HELP = "list the kept past: from, to, bytes and segments of each robot and view (UTC)"
 
@@ -53,12 +56,19 @@ def add_arguments(parser: argparse.ArgumentParser, environ: Mapping[str, str]) -
     add_location(parser, environ)
     add_robot(parser, required=False)
     parser.add_argument("--days", action="store_true", help="print a line for each day (UTC)")
+    told = "instead: what anyone may look back on at a running relay, such as https://HOST"
+    parser.add_argument("--relay", metavar="URL", help=told)
 
 
 def run(asked: argparse.Namespace) -> None:
-    """List the kept past. Raises SettingsError, ArchiveError and RelayAway."""
-    store = open_store(asked)
-    if store is None:
+    """List the kept past. Raises SettingsError, ArchiveError, CommandFailed and RelayAway."""
+    store = None if asked.relay else open_store(asked)
+    if asked.relay:
+        try:
+            days = asyncio.run(sum_relay(asked.relay, asked.robot, asked.view))
+        except PastUnreadable as e:
+            raise CommandFailed(str(e)) from None
+    elif store is None:
         days = _read_rows(ask_relay(asked.past_socket, {"do": "list"}).get("rows"))
         days = {key: found for key, found in days.items() if asked.robot in (None, key[0])}
         kept_at = find_relay_store(asked.past_socket)
@@ -70,7 +80,9 @@ def run(asked: argparse.Namespace) -> None:
             )
     else:
         days = asyncio.run(sum_store(store, asked.robot))
-    rows = [["robot", "view", *(["day"] if asked.days else []), "from", "to", "bytes", "segments"]]
+    # the index of a relay does not name the size of a segment
+    sizes = [] if asked.relay else ["bytes"]
+    rows = [["robot", "view", *(["day"] if asked.days else []), "from", "to", *sizes, "segments"]]
     sums = days if asked.days else _sum_views(days)
     for (robot, view, day), found in sorted(sums.items()):
         if asked.view in (None, view):
@@ -78,13 +90,14 @@ def run(asked: argparse.Namespace) -> None:
                 [
                     *(robot, view, *([write_day(DAY_MS * day)] if asked.days else [])),
                     *(write_moment_utc(found.from_ms), write_moment_utc(found.to_ms)),
-                    *(f"{found.bytes:,}", f"{found.segments:,}"),
+                    *(f"{found.bytes:,}" for _ in sizes),
+                    f"{found.segments:,}",
                 ]
             )
     if len(rows) == 1:
         print("nothing is kept" + (f" of {asked.robot}" if asked.robot else ""))
         return
-    for line in _align(rows):
+    for line in _align(rows, 1 + len(sizes)):
         print(line)
 
 
@@ -102,6 +115,31 @@ async def sum_store(store: ObjectStore, robot: str | None) -> dict[Key, KeptSum]
                     key = found.name.robot, found.name.view, found.from_ms // DAY_MS
                     row = sums.setdefault(key, KeptSum(found.from_ms, found.to_ms))
                     row.add(found.from_ms, found.to_ms, each.size, 1)
+    return sums
+
+
+async def sum_relay(relay: str, robot: str | None, view: str | None) -> dict[Key, KeptSum]:
+    """Sum up by day what anyone may look back on at a relay, of one robot or of all that it lists. A robot
+    that nobody may look back on is left out, unless it is the one. Raises PastUnreadable."""
+    sums: dict[Key, KeptSum] = {}
+    with ProgressBar(sys.stderr) as bar:
+        for name in await list_robots(relay) if robot is None else [robot]:
+            bar.show_text(f"asking for {name}")
+            source = HttpSource(relay, name, view, None)
+            try:
+                there = await source.find_span()
+                for each in (
+                    [] if there is None else await source.list_segments(there.from_ms, there.to_ms + 1)
+                ):
+                    key = name, source.view, each.from_ms // DAY_MS
+                    sums.setdefault(key, KeptSum(each.from_ms, each.to_ms)).add(
+                        each.from_ms, each.to_ms, 0, 1
+                    )
+            except PastUnreadable:
+                if robot is not None:
+                    raise
+            finally:
+                await source.close()
     return sums
 
 
@@ -123,10 +161,11 @@ def _sum_views(days: Mapping[Key, KeptSum]) -> dict[Key, KeptSum]:
     return sums
 
 
-def _align(rows: Sequence[Sequence[str]]) -> Iterable[str]:
-    """Align the columns. The last two are numbers and align right."""
+def _align(rows: Sequence[Sequence[str]], numbers_n: int) -> Iterable[str]:
+    """Align the columns. The last `numbers_n` are numbers and align right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
-        texts = [text.ljust(width) for text, width in zip(row[:-2], widths[:-2], strict=True)]
-        numbers = [text.rjust(width) for text, width in zip(row[-2:], widths[-2:], strict=True)]
+        texts = [text.ljust(width) for text, width in zip(row[:-numbers_n], widths[:-numbers_n], strict=True)]
+        last = zip(row[-numbers_n:], widths[-numbers_n:], strict=True)
+        numbers = [text.rjust(width) for text, width in last]
         yield "  ".join([*texts, *numbers])

@@ -191,6 +191,36 @@ NEXT, NEXT_WITHIN = b'"next"', 16  # in what a relay answers for a segment that 
 OCTETS = "application/octet-stream"
 
 
+async def list_robots(relay: str) -> list[str]:
+    """Return the names of the robots that a relay lists for anyone. Raises PastUnreadable."""
+    client = RelayClient(relay, None)
+    try:
+        doc = await _ask_json(client, "/api/v1/robots")
+        robots = doc.get("robots")
+        if not isinstance(robots, list) or not all(isinstance(robot, dict) for robot in robots):
+            raise client.refuse("/api/v1/robots", "not the answer of a relay (robots)")
+        return [
+            name
+            for robot in robots
+            if isinstance(name := robot.get("robot"), str) and ROBOT_ID.fullmatch(name)
+        ]
+    finally:
+        await client.close()
+
+
+async def _ask_json(client: RelayClient, path: str) -> dict[str, object]:
+    answer = await client.ask(path, PAGE_BYTES_MAX)
+    if answer.status != HTTPStatus.OK:
+        raise client.refuse(path, read_reason(answer))
+    try:
+        doc = loads(answer.body)
+    except ValueError:
+        doc = None
+    if not isinstance(doc, dict):
+        raise client.refuse(path, "not the answer of a relay")
+    return doc
+
+
 class HttpSource:
     """The past of a robot at a relay, as the bearer of a token may see it, or anyone without one."""
 
@@ -223,7 +253,7 @@ class HttpSource:
     async def find_span(self) -> SourceSpan | None:
         """Return from when to when one may look back. Raises PastUnreadable, also where one never may."""
         path = f"{self._base}/past" + ("" if self._view is None else f"?view={quote(self._view, safe='')}")
-        doc = await self._ask_json(path)
+        doc = await _ask_json(self._client, path)
         view, from_ms, to_ms = (doc.get(name) for name in ("view", "from_ms", "to_ms"))
         if not isinstance(view, str) or not ROBOT_ID.fullmatch(view):
             raise self._client.refuse(path, "not the answer of a relay (view)")
@@ -279,7 +309,7 @@ class HttpSource:
         listed: list[ListedSegment] = []
         path = page
         for _ in range(PARTS_MAX):
-            doc = await self._ask_json(path)
+            doc = await _ask_json(self._client, path)
             try:
                 part = [_read_entry(entry) for entry in _read_list(doc.get("segments"))]
             except ValueError:
@@ -315,18 +345,6 @@ class HttpSource:
                 return answer
         why = "damaged twice in transit: its SHA-256 does not match"
         raise PastDamaged(str(self._client.refuse(path, why)))
-
-    async def _ask_json(self, path: str) -> dict[str, object]:
-        answer = await self._client.ask(path, PAGE_BYTES_MAX)
-        if answer.status != HTTPStatus.OK:
-            raise self._client.refuse(path, read_reason(answer))
-        try:
-            doc = loads(answer.body)
-        except ValueError:
-            doc = None
-        if not isinstance(doc, dict):
-            raise self._client.refuse(path, "not the answer of a relay")
-        return doc
 
 
 def _read_entry(entry: object) -> ListedSegment:

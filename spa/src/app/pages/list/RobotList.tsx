@@ -92,12 +92,14 @@ export function RobotList({ onSettings }: { onSettings: () => void }) {
   const old = listing.phase === 'unreachable';
   const tookMs = listing.phase === 'known' ? listing.tookMs : 0;
   const [here, gone] = inOrder(robots);
+  const hasNamesake = ({ name }: ListedRobot) => robots.filter((other) => other.name === name).length > 1;
   const cards = (shown: readonly ListedRobot[], testId: string) => (
     <ul className="cards" data-testid={testId} data-old={old}>
       {shown.map((robot) => (
         <Card
           key={robot.robot}
           robot={robot}
+          hasNamesake={hasNamesake(robot)}
           verdict={old ? NOT_HEARD : judgeListed(robot, tookMs)}
           place={chosen === null ? null : chosen.indexOf(robot.robot)}
           onChoose={() => setChosen((before) => toggled(before ?? [], robot.robot))}
@@ -183,9 +185,10 @@ function SideBySide(props: {
   );
 }
 
-/** A link to one robot. `place`: its index in the side-by-side choice, -1 if not chosen, null outside choosing mode. */
+/** A link to one robot. `hasNamesake`: another robot of the list has its name, so its id is shown. `place`: its index in the side-by-side choice, -1 if not chosen, null outside choosing mode. */
 function Card(props: {
   robot: ListedRobot;
+  hasNamesake: boolean;
   verdict: Pick<Verdict, 'word' | 'cause' | 'ageMs'>;
   place: number | null;
   onChoose: () => void;
@@ -213,6 +216,7 @@ function Card(props: {
           <Thumbnail robot={robot} />
         </span>
         <span className="card-name">{robot.name}</span>
+        {props.hasNamesake && <span className="card-id quiet">{robot.robot}</span>}
         <span className="card-line">
           <span className="chip small" data-state={word}>
             <Sign word={word} />
