@@ -37,8 +37,8 @@ def test_what_is_sent_a_second_after_an_acknowledgement_is_owed_one() -> None:
     assert offer(viewer, 1.2)
     assert viewer.owed_at == 1.2
     assert offer(viewer, 2.0)
-    assert not offer(viewer, 2.2)  # ack_stop_s later
-    assert viewer.stalled
+    assert not offer(viewer, 2.2)  # ack_hold_s later
+    assert viewer.held_back
     assert viewer.blocked
     viewer.record_heard(16.0)
     assert viewer.find_overdue(15.1) is None
@@ -57,7 +57,7 @@ def test_acknowledgements_of_messages_of_two_seconds_ago_hold_the_next_one_back(
         assert viewer.oldest_at == 1.1
         viewer.record_ack(1, now)
     assert not offer(viewer, 3.6)
-    assert not viewer.stalled
+    assert not viewer.held_back
     viewer.record_ack(2, 3.7)
     assert offer(viewer, 3.8)
 
@@ -93,14 +93,14 @@ def test_what_must_arrive_waits_in_order_and_goes_first() -> None:
     assert not viewer.blocked
 
 
-def test_a_stalled_viewer_is_not_released_by_its_socket() -> None:
+def test_a_viewer_held_back_is_not_released_by_its_socket() -> None:
     viewer = FlowControl(LIMITS, 0.0)
     viewer.record_ack(0, 0.0)
     for n in range(40):
         offer(viewer, n / 10)
     viewer.pause(4.0)
     viewer.resume()
-    assert viewer.stalled
+    assert viewer.held_back
     assert viewer.release() is None
     viewer.record_ack(viewer.sent, 4.1)
     assert viewer.release() == b""

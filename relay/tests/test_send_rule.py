@@ -131,7 +131,7 @@ def test_every_delivered_frame_decodes_to_the_newest_state(steps: list[tuple[obj
         if viewer in world.hub.viewers:
             world.do(world.hub.resume_viewer(viewer))
             viewer.record_heard(world.now)
-            if viewer.acks:
+            if viewer.acknowledges:
                 viewer.record_ack(viewer.sent, world.now)
                 world.do(world.hub.resume_viewer(viewer))
             assert screen.was_cut is None

@@ -73,7 +73,7 @@ export const ENDINGS: ReadonlyMap<number, Ending> = /* @__PURE__ */ new Map(
       [4403, 'forbidden', 'this viewer may not see this robot or view'],
       [4404, 'absent', 'there is no such robot here'],
       [4408, 'half-open', 'the viewer no longer answered'],
-      [4409, 'no acknowledgement', 'the viewer no longer acknowledged frames'],
+      [4409, 'no acknowledgement', 'the viewer left data unread or acknowledged nothing'],
       [4429, 'too many messages', 'the viewer sent messages too fast'],
       [4430, 'event queue full', 'the viewer was too slow to receive events'],
     ] as const

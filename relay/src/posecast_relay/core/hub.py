@@ -65,7 +65,7 @@ FORGET_EVERY = 20  # sweeps
 FORGET_FULL_S = 5.0
 QUESTIONS_MAX = 8  # robots asked per tick, about 3 ms; the others wait for the next tick,
 QUESTIONS_S = 0.005  # which comes this much later
-HELD_UP_S = 0.1  # a tick later than this means that the process was stalled
+HELD_UP_S = 0.1  # a tick later than this means that the process stood still
 
 
 class Headcount:

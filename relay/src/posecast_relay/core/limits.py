@@ -41,21 +41,21 @@ class Limits:
     sweep_s: float = 0.5  # how often to check for silent robots and viewers
     ask_s: float = 1.0  # between two questions for one robot's snapshots
     ack_every_s: float = 1.0  # a viewer owes its next acknowledgement only after this time
-    backlog_s: float = 2.0  # acks arrive, but for messages this old: pause sending
-    ack_stop_s: float = 0.9  # owed this long (less than 2 s after the last ack): pause sending
-    ack_abort_s: float = 14.0  # owed this long (15 s after the last ack): cut
-    undrained_s: float = 5.0  # how long a viewer that never acknowledges may leave its buffer unread
-    undrained_acking_s: float = 15.0  # and one that acknowledges
-    # A new viewer on a link as slow as this needs time for its first data. It proves that it reads by
-    # answering
-    # the pings between the events; until its first answer it has only join_burst_s. So a slow reader stays,
-    # and
-    # one that froze at its first byte is cut after join_burst_s + half_open_s + sweep_s = 19.5 s.
+    backlog_s: float = 2.0  # acknowledgements arrive, but for messages this old: the next frame is held back
+    ack_hold_s: float = 0.9  # owed this long (less than 2 s after the last one): frames are held back
+    ack_cut_s: float = 14.0  # owed this long (15 s after the last one): cut with 4409
+    # The socket's buffer not drained for this long: cut with 4409.
+    undrained_s: float = 5.0  # by a viewer that never acknowledged
+    undrained_acking_s: float = 15.0  # by one that acknowledges
+    # A new viewer on a link as slow as this needs time for its first data, and the clocks of the other limits
+    # wait for it. It proves that it reads by answering the pings between the events; until its first answer
+    # they wait only join_burst_s. So a slow reader stays, and one that froze at its first byte is cut after
+    # join_burst_s + half_open_s + sweep_s = 19.5 s.
     slowest_bytes_per_s: float = 800.0
     ping_bytes: int = 4000  # between two of those pings: 5 s
     join_burst_s: float = 8.0
     max_age_s: float = float("inf")  # of a connection, ± 10 %; then closed with 4000
     ping_s: float = 5.0  # nothing received for this long: ping
-    half_open_s: float = 11.0  # nothing received for this long: cut
+    half_open_s: float = 11.0  # nothing received for this long: cut with 4408, as most frozen pages are
     silent_s: float = 1.5  # a robot whose newest frame is older is silent
     forget_s: float = 3600.0  # a robot that was gone and unwatched for this long is forgotten

@@ -25,11 +25,12 @@ class FlowControl:
     """
 
     __slots__ = (
-        "acks",
+        "acknowledges",
         "blocked",
         "check_at",
         "heard_ack_at",
         "heard_at",
+        "held_back",
         "join_burst_arrives_by",
         "join_burst_n",
         "join_burst_read_by",
@@ -43,7 +44,6 @@ class FlowControl:
         "reliable_queue",
         "sent",
         "speaks",
-        "stalled",
     )
 
     def __init__(self, limits: Limits, now: float, speaks: bool = True) -> None:
@@ -54,19 +54,19 @@ class FlowControl:
         # blocked = nothing new may be written: not drained, acks owed, or that queue is not empty
         self.blocked = False
         self.paused_at: float | None = None
-        self.stalled = False
+        self.held_back = False  # it owes an acknowledgement for too long
         # still reading its first data, until it acknowledges more messages than those:
         self.join_burst_n = 0
         self.join_burst_arrives_by = now  # its limit if the viewer stays silent
         self.join_burst_read_by = now  # its limit while the viewer is heard from
         # acknowledgements
         self.sent = 0  # count of binary messages
-        self.acks = False  # it has acknowledged once, so it can be expected to
+        self.acknowledges = False  # it has once, of any number, so it can be expected to
         self.heard_ack_at = now
         self.owed_at: float | None = None  # when the first message was sent that must be acknowledged
         self.oldest_n = 0
         self.oldest_at: float | None = None  # when `oldest_n`, the oldest unacknowledged one, was sent
-        self.check_at = float("inf")  # from when the next message makes it owe an ack, or stalls it
+        self.check_at = float("inf")  # from when the next message makes it owe an ack, or is held back
         # signs of life and message limits
         self.heard_at = now
         self.ping_at = now
@@ -93,7 +93,7 @@ class FlowControl:
 
     def release(self) -> bytes | None:
         """Return the waiting data, which must be written first; None while the viewer can't take anything."""
-        if self.paused_at is not None or self.stalled:
+        if self.paused_at is not None or self.held_back:
             return None
         waited = b"".join(self.reliable_queue or ())
         self.reliable_queue = None
@@ -118,21 +118,25 @@ class FlowControl:
             if self.oldest_at is None:
                 self.oldest_at = now
                 self.oldest_n = self.sent + 1
-            self.check_at = min(now + limits.ack_stop_s, max(self.oldest_at + limits.backlog_s, now))
+            self.check_at = min(now + limits.ack_hold_s, max(self.oldest_at + limits.backlog_s, now))
             return True
-        self.stalled = True
+        self.held_back = True
         self.blocked = True
         return False
 
     def record_ack(self, n: int, now: float) -> None:
-        """Note that the viewer has received `n` binary messages."""
-        self.acks = True
+        """Note that the viewer has received `n` binary messages.
+
+        Any `n` settles the debt, even an old or a false one: the viewer is alive, and by a false number it
+        harms only itself.
+        """
+        self.acknowledges = True
         self.heard_ack_at = now
         if n > self.join_burst_n:
             self.join_burst_arrives_by = min(now, self.join_burst_arrives_by)
             self.join_burst_read_by = min(now, self.join_burst_read_by)
         self.owed_at = None
-        self.stalled = False
+        self.held_back = False
         self.check_at = now + self.limits.ack_every_s
         if self.oldest_at is not None:
             if min(n, self.sent) >= self.oldest_n:
@@ -146,7 +150,8 @@ class FlowControl:
         limits = self.limits
         reads_s = size / limits.slowest_bytes_per_s
         self.join_burst_n = self.sent
-        self.join_burst_arrives_by = now + min(limits.join_burst_s, max(0.0, reads_s - limits.undrained_s))
+        beyond_s = max(0.0, reads_s - limits.undrained_s)  # that much patience every silent viewer has
+        self.join_burst_arrives_by = now + min(limits.join_burst_s, beyond_s)
         self.join_burst_read_by = now + reads_s
 
     # ---- signs of life ----------------------------------------------------
@@ -175,15 +180,16 @@ class FlowControl:
         came = max(self.join_burst_arrives_by, min(self.heard_at, self.join_burst_read_by))
         if self.speaks and now - max(came, self.heard_at) >= limits.half_open_s:
             return Close.HALF_OPEN
-        if self.owed_at is not None and now - max(came, self.owed_at) >= limits.ack_abort_s:
+        if self.owed_at is not None and now - max(came, self.owed_at) >= limits.ack_cut_s:
             return Close.NO_ACK
-        patience = limits.undrained_acking_s if self.acks else limits.undrained_s
+        patience = limits.undrained_acking_s if self.acknowledges else limits.undrained_s
         if self.paused_at is not None and now - max(came, self.paused_at) >= patience:
             return Close.NO_ACK
         return None
 
     def shift_deadlines(self, seconds: float, now: float) -> None:
-        """Extend all deadlines, because the relay itself was stalled for this many seconds."""
+        """Extend all deadlines, because the relay itself stood still for this many seconds. A new
+        clock of this class must be moved here, too."""
         self.heard_at = min(now, self.heard_at + seconds)
         self.join_burst_arrives_by += seconds
         self.join_burst_read_by += seconds

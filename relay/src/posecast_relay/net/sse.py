@@ -75,8 +75,6 @@ HEAD = (
     b"x-accel-buffering: no\r\nconnection: close\r\n\r\n"
     b"retry: 2000\n\n"  # ms, after a connection that ended without a word
 )
-# These viewers send nothing. But they get a status every second, which a dead peer does not acknowledge.
-USER_TIMEOUT_MS = 11_000
 
 
 class EventStream(asyncio.Protocol):
@@ -112,7 +110,10 @@ class EventStream(asyncio.Protocol):
         use_small_buffers(self._transport)
         sock = self._transport.get_extra_info("socket")
         if sock is not None:
-            cut_unread(sock, USER_TIMEOUT_MS)
+            # These viewers send nothing, but get a status every second. A peer that is gone or reads nothing
+            # does not accept it, and ends as late as a silent WebSocket. `undrained_s` is shorter, so whoever
+            # fills the relay's buffer is cut by the core, and counted.
+            cut_unread(sock, round(1000 * self._dispatcher.hub.limits.half_open_s))
         self._transport.write(_make_head(pages))
         self._dispatcher.join(self._viewer)
 

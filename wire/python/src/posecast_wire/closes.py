@@ -62,7 +62,9 @@ ENDINGS: dict[Close, Ending] = {
     Close.FORBIDDEN: Ending("forbidden", "this viewer may not see this robot or view", Retry.NEVER),
     Close.ABSENT: Ending("absent", "there is no such robot here", Retry.LATER),
     Close.HALF_OPEN: Ending("half-open", "the viewer no longer answered", Retry.BACKOFF),
-    Close.NO_ACK: Ending("no acknowledgement", "the viewer no longer acknowledged frames", Retry.BACKOFF),
+    Close.NO_ACK: Ending(
+        "no acknowledgement", "the viewer left data unread or acknowledged nothing", Retry.BACKOFF
+    ),
     Close.TOO_MANY: Ending("too many messages", "the viewer sent messages too fast", Retry.WAIT),
     Close.EVENTS_FULL: Ending("event queue full", "the viewer was too slow to receive events", Retry.BACKOFF),
 }
