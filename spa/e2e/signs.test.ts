@@ -87,10 +87,9 @@ describe('what a robot does not say', () => {
       ghostLinks: [],
     });
     await page.findByRole('button', 'Signs').click();
-    const offered = (await page.findByTestId('sign-menu').text())
-      .split('\n')
-      .filter((line) => line.trim() !== '');
-    expect(offered).toEqual(['Limbs off their command', '?', 'All words explained']);
+    const offered = await page.findByTestId('sign-menu').text();
+    expect(offered).toContain('Limbs off their command');
+    expect(offered).not.toMatch(/forces|level|balance|colou?r/i);
     expect(await page.findByTestId('level').visible()).toBe(false);
   });
 

@@ -31,7 +31,7 @@ export type PlacedBox = readonly [link: { readonly matrixWorld: Placement }, box
 /** A posed robot as seen by the overlays, independent of the renderer. Links and joints are identified by their URDF names. */
 export interface PosedBody {
   readonly manifest: Manifest;
-  /** world_from_root, the parent of everything drawn. */
+  /** The root link's place in the world (world_from_root); everything that is drawn hangs on it. */
   readonly root: { readonly matrixWorld: Placement };
   readonly linkNames: readonly string[];
   /** Joints that can move. */

@@ -7,7 +7,7 @@ import { afterEach, beforeEach, expect, it, vi } from 'vitest';
 import { keysOfLabel } from '../../src/app/explain/catalogue.ts';
 import { SignMenu } from '../../src/app/robot/SignMenu.tsx';
 import type { RobotLink } from '../../src/app/state/robot_link.ts';
-import { settings } from '../../src/app/state/settings.ts';
+import { changeSettings, settings } from '../../src/app/state/settings.ts';
 import { OVERLAY_COLORS } from '../../src/scene/signs/colors.ts';
 import { Overlay } from '../../src/scene/signs/overlay.ts';
 import {
@@ -30,7 +30,7 @@ import { legSchema, signFrame } from '../rigs/signs.ts';
 /** A sign like any other, for the guide to extending the page: a bar over the robot, as long as its knee is bent. */
 class Bend implements Sign {
   static readonly key = 'bend';
-  static readonly menu = { name: { en: 'Bent knee', ko: '굽힌 무릎' } } as const;
+  static readonly menu: NonNullable<SignKind['menu']> = { name: { en: 'Bent knee', ko: '굽힌 무릎' } };
   drawn: number | null = null;
   readonly #schema: Schema;
 
@@ -54,6 +54,11 @@ class Bend implements Sign {
     const text = `${nameOf('knee')} ${this.drawn} rad`;
     return [{ key: 'bend', text, level: 'ok', at: TOP, lines: [], explain: ['signs.ghost'] } as const];
   }
+}
+
+/** The same for few: off until a viewer wants it. */
+class RareBend extends Bend {
+  static override readonly menu = { ...Bend.menu, on: false };
 }
 
 const [TOP, UP]: [Vec3, Vec3] = [
@@ -99,7 +104,12 @@ it('is drawn in the 3D view and the light view, with its label', () => {
   expect(light.drawn(bearer).bend).toBeCloseTo(0.4);
 });
 
-it('has a switch in the menu, which the browser keeps', async () => {
+it.each([
+  [true, Bend],
+  [false, RareBend],
+])('has a switch in the menu, at first %s, which the browser keeps', async (first, kind) => {
+  (SIGNS as SignKind[])[SIGNS.length - 1] = kind;
+  changeSettings({ signs: {} });
   const twin = new RobotTwin('leg', 0);
   twin.acceptSchema(SCHEMA);
   const host = document.body.appendChild(document.createElement('div'));
@@ -109,15 +119,15 @@ it('has a switch in the menu, which the browser keeps', async () => {
   const box = await vi.waitFor(() => {
     const labels = [...host.querySelectorAll<HTMLElement>('.switch')];
     const found = labels.find(({ textContent }) => textContent === 'Bent knee')?.querySelector('input');
-    expect(found?.checked).toBe(true);
+    expect(found?.checked).toBe(first);
     return found!;
   });
-  expect(signs().of(Bend)?.drawn).toBeCloseTo(0.4);
+  expect(signs().of(kind) !== null).toBe(first);
   box.click();
-  expect(settings().signs).toEqual({ bend: false });
-  expect(signs().of(Bend)).toBeNull();
-  expect(JSON.parse(localStorage.getItem('posecast.settings')!).signs).toEqual({ bend: false });
+  expect(settings().signs).toEqual({ bend: !first });
+  expect(signs().of(kind) !== null).toBe(!first);
+  expect(JSON.parse(localStorage.getItem('posecast.settings')!).signs).toEqual({ bend: !first });
   box.click();
-  expect(signs().of(Bend)).not.toBeNull();
+  expect(signs().of(kind)?.drawn ?? null).toEqual(first ? expect.closeTo(0.4) : null);
   root.unmount();
 });

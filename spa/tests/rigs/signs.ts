@@ -95,7 +95,7 @@ export function signFrame(
 export function signPicture(frame = signFrame(), given: Partial<SignPicture> = {}): SignPicture {
   return {
     ...{ frame, body: sampleLeg(), pose: null, reach: 0.5, colors: OVERLAY_COLORS.dark, tints: new Map() },
-    ...{ strokes: new Strokes(), facets: new Facets(), feet: [], floorM: null, middle: [0, 0, 0] },
+    ...{ strokes: new Strokes(), facets: new Facets(), feet: [], supportM: null, middle: [0, 0, 0] },
     ...given,
   };
 }

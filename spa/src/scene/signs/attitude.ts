@@ -22,7 +22,7 @@ import {
   withoutHeading,
 } from '../../twin/rotation.ts';
 import { type Imu, ImuTable, leanOf } from '../../twin/sensors/imus.ts';
-import type { Sign, SignFrame, SignPicture } from './sign.ts';
+import { type Sign, type SignFrame, type SignPicture, tonePaint } from './sign.ts';
 import type { Paint } from './strokes.ts';
 
 /** Sizes in radii of the robot. */
@@ -82,23 +82,19 @@ export class Attitude implements Sign {
 
   draw(picture: SignPicture): void {
     const { body: imu, imus } = this.#imus;
-    const { body, floorM } = picture;
+    const { body, supportM } = picture;
     const lean = imu === null ? null : leanOf(imu);
     const planeZ = this.#based || lean !== null ? lowest(body) : null;
-    if (planeZ !== null && floorM === null) drawPlane(picture, planeZ);
+    if (planeZ !== null && supportM === null) drawPlane(picture, planeZ);
     if (imu !== null && lean !== null) drawPlumb(picture, imu, planeZ ?? 0);
     const feet = imus.filter((one) => one !== imu && drawFoot(picture, one)).map(({ site }) => site);
     this.drawn = { planeZ, roll: lean?.roll ?? null, pitch: lean?.pitch ?? null, feet };
   }
 }
 
-function paintOf({ frame, colors }: SignPicture, opacity = 1, through = true): Paint {
-  return { color: frame.live ? colors.level : colors.stale, opacity, through };
-}
-
 /** The paint of thin lines that close a shape; fainter beside the signs of balance. */
 function rimOf(picture: SignPicture): Paint {
-  return paintOf(picture, picture.floorM === null ? 0.8 : 0.25, false);
+  return tonePaint(picture, 'level', picture.supportM === null ? 0.8 : 0.25, false);
 }
 
 /** Not beside the signs of balance: the plane would look like the support. */
@@ -107,7 +103,7 @@ function drawPlane(picture: SignPicture, z: number): void {
   const rim = rimOf(picture);
   const [x, y] = originOf(body.root.matrixWorld.elements);
   const at: Vec3 = [x, y, z + LIFT * reach];
-  strokes.fan(at, WORLD_UP, WORLD_X, 2 * Math.PI, 0, PLANE * reach, paintOf(picture, 0.07, false));
+  strokes.fan(at, WORLD_UP, WORLD_X, 2 * Math.PI, 0, PLANE * reach, tonePaint(picture, 'level', 0.07, false));
   strokes.arc(at, WORLD_UP, WORLD_X, 2 * Math.PI, PLANE * reach, 0.003 * reach, rim);
   for (let quarter = 0; quarter < 4; quarter += 1) {
     const along = rotateAbout(WORLD_UP, (quarter * Math.PI) / 2, WORLD_X);
@@ -119,13 +115,13 @@ function drawPlane(picture: SignPicture, z: number): void {
 /** Draws a line from the body's IMU straight down to the plane, and the body's up axis beside the world's. The signs of balance
  *  have their own plumb line. */
 function drawPlumb(picture: SignPicture, imu: Imu, planeZ: number): void {
-  const { strokes, body, reach, floorM } = picture;
-  const [gravity, faint] = [paintOf(picture), paintOf(picture, 0.55)];
+  const { strokes, body, reach, supportM } = picture;
+  const [gravity, faint] = [tonePaint(picture, 'level'), tonePaint(picture, 'level', 0.55)];
   const worldFromLink = linkOf(body, imu);
   if (worldFromLink === undefined) return;
   const at = pointThrough(worldFromLink, imu.xyz);
   const thin = 0.005 * reach;
-  if (floorM === null) {
+  if (supportM === null) {
     const down = at[2] - planeZ;
     const arrow = Math.min(GRAVITY * reach, Math.max(0, down));
     const head = Math.min(arrow, 0.06 * reach);
@@ -142,7 +138,15 @@ function drawPlumb(picture: SignPicture, imu: Imu, planeZ: number): void {
   if (angle < LEAST_LEAN) return;
   strokes.shaft(at, own, UP * reach, thin, thin * 0.6, gravity);
   strokes.shaft(at, WORLD_UP, UP * reach, thin * 0.5, thin * 0.5, faint);
-  strokes.fan(at, normalize(cross(WORLD_UP, own)), WORLD_UP, angle, 0, UP * reach, paintOf(picture, 0.3));
+  strokes.fan(
+    at,
+    normalize(cross(WORLD_UP, own)),
+    WORLD_UP,
+    angle,
+    0,
+    UP * reach,
+    tonePaint(picture, 'level', 0.3),
+  );
 }
 
 /** Draws a ring tilted by the orientation that the foot's own IMU reports; if the reading is right, it is parallel to the

@@ -78,7 +78,7 @@ export class Balance implements Sign {
       this.#drawing.draw(picture, picture.facets, this.#readings);
     }
     picture.feet = this.drawn?.feet ?? [];
-    picture.floorM = this.drawn?.floorM ?? null;
+    picture.supportM = this.drawn?.floorM ?? null;
   }
 
   labels(): readonly SignLabel[] {

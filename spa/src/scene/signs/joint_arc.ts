@@ -13,7 +13,7 @@ import { limitMargin } from '../../twin/limits.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import { type BalancePaints, drawRod, faint, fillRing, type Spot } from './balance_shapes.ts';
 import { limbAcross } from './deviations.ts';
-import type { SignLabel, SignPicture } from './sign.ts';
+import { type SignLabel, type SignPicture, tonePaint } from './sign.ts';
 import type { Facets, Paint } from './strokes.ts';
 
 /** Sizes in radii of the robot. */
@@ -48,12 +48,12 @@ interface JointPaints {
 /** Draws the range of joints between their limits. Skips joints that the model lacks or that have no limits. */
 export function drawJointLimits(
   facets: Facets,
-  { body, reach, colors, frame }: SignPicture,
+  picture: SignPicture,
   names: readonly string[],
   { mass }: Pick<BalancePaints, 'mass'>,
 ): DrawnJoint[] {
-  const accent = { color: frame.live ? colors.accent : colors.stale, through: true };
-  const paints = { way: faint(mass, 0.22), left: accent, now: mass };
+  const { body, reach, frame } = picture;
+  const paints = { way: faint(mass, 0.22), left: tonePaint(picture, 'accent'), now: mass };
   return names.flatMap((name) => {
     const drawn = drawJoint(facets, body, name, reach, paints);
     if (drawn === null) return [];

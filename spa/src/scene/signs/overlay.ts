@@ -142,7 +142,7 @@ export class Overlay {
       robot.reach ??= reachOf(body);
       const picture: SignPicture = {
         ...{ frame, body, pose, tints, reach: robot.reach, colors: this.#colors },
-        ...{ strokes: this.strokes, facets: this.facets, feet: [], floorM: null },
+        ...{ strokes: this.strokes, facets: this.facets, feet: [], supportM: null },
         middle: originOf(body.root.matrixWorld.elements),
       };
       robot.signs.draw(picture);

@@ -23,7 +23,7 @@ export interface SignSettings {
   load: 'off' | 'cur' | 'temp';
   /** Centre of mass, support polygon and margin; `auto`: on for robots with two feet that measure forces, and with masses. */
   balance: 'auto' | 'on' | 'off';
-  /** Signs without a setting of their own, by key; one that is not listed is on. */
+  /** Signs without a setting of their own, by key; one that is not listed is as its `menu` says. */
   signs: Readonly<Record<string, boolean>>;
   /** A factor for the length of arrows; 1 is usual. */
   arrowScale: number;
@@ -60,7 +60,7 @@ export interface SignPicture {
   readonly body: PosedBody;
   /** The displayed pose; null before any. */
   readonly pose: Pose | null;
-  /** The robot's radius, m. */
+  /** The robot's radius, m. Sizes of signs are multiples of it, so that they suit robots of any size. */
   readonly reach: number;
   readonly colors: OverlayColors;
   readonly strokes: Strokes;
@@ -70,8 +70,9 @@ export interface SignPicture {
   readonly tints: Map<string, LinkTint>;
   /** The feet that have marks of their own. Set by `Balance`. */
   feet: readonly { readonly name: string }[];
-  /** The height of the floor that is drawn, m; null for none. Set by `Balance`. */
-  floorM: number | null;
+  /** The height of the soles that the support polygon is drawn at, m; null if it is not drawn. The floor that is drawn is z = 0
+   *  of the world. Set by `Balance`. */
+  supportM: number | null;
   /** The robot's middle (world, metres). A label is placed on the outer side of its anchor. Set by `Forces`. */
   middle: Vec3;
 }
@@ -81,7 +82,8 @@ export interface SignLabel {
   readonly key: string;
   readonly text: string;
   readonly level: Level;
-  /** Shown without emphasis, because it is no fault: a joint that is compliant on purpose, or has no reading. */
+  /** Shown without emphasis, because it is no fault: a joint that is compliant on purpose, or has no reading. On narrow screens,
+   *  where labels of level `ok` are hidden, it stays. */
   readonly quiet?: boolean;
   /** The anchor (world, metres). */
   readonly at: Vec3;
@@ -124,12 +126,14 @@ export interface SignKind<S extends Sign = Sign> {
     readonly name: Readonly<Record<SignLanguage, string>>;
     /** Key of its explanation. */
     readonly explain?: string;
-    /** Instead of `SignSettings.signs`. */
+    /** Whether it is on until the viewer switches it; by default it is. */
+    readonly on?: boolean;
+    /** Instead of `SignSettings.signs` and `on`: a setting of `app/state/settings.ts`, with its default there. */
     readonly setting?: 'forces' | 'lens' | 'level';
   };
   /** Code that it draws with, if that comes later. */
   readonly part?: LatePart<unknown>;
-  /** Whether a robot with this schema can have it. */
+  /** Whether a robot with this schema can have it: whether it reports what the sign shows. That it has joints is not enough. */
   can(schema: Schema): boolean;
   /** Whether the viewer wants it; by default, whether its switch is on. */
   shown?(settings: SignSettings): boolean;
@@ -137,7 +141,7 @@ export interface SignKind<S extends Sign = Sign> {
 
 /** Whether the switch of a sign is on. */
 export function isSwitchedOn({ key, menu }: SignKind, settings: SignSettings): boolean {
-  return menu?.setting === undefined ? (settings.signs[key] ?? true) : settings[menu.setting];
+  return menu?.setting === undefined ? (settings.signs[key] ?? menu?.on ?? true) : settings[menu.setting];
 }
 
 /** The settings with which the switch of a sign is on or off. */
@@ -147,6 +151,16 @@ export function switched(
   settings: SignSettings,
 ): Partial<SignSettings> {
   return menu?.setting === undefined ? { signs: { ...settings.signs, [key]: on } } : { [menu.setting]: on };
+}
+
+/** A paint of the theme, grey if the pose is old. */
+export function tonePaint(
+  { colors, frame }: SignPicture,
+  tone: 'level' | 'muted' | 'accent' | 'ink',
+  opacity = 1,
+  through = true,
+): Paint {
+  return { color: frame.live ? colors[tone] : colors.stale, opacity, through };
 }
 
 /** The paint of a level, grey if the pose is old. */

@@ -14,18 +14,23 @@ import {
   type SignPicture,
 } from './sign.ts';
 
-/** All signs, in the order of menu and labels. They are drawn from the last to the first, because balance takes over the marks of
- *  feet and floor from those before it. */
+/** All signs, in the order of menu and labels. They are drawn from the last to the first: `Balance` tells those before it where it
+ *  marks feet and support. The place of any other matters only for what it covers. */
 export const SIGNS: readonly SignKind[] = [Forces, Attitude, Deviations, Balance, Load];
 
 /** The signs of one robot: reads them, and draws those that are on. */
 export class RobotSigns {
+  readonly #kinds: readonly SignKind[];
   /** null while there is nothing to show. */
   frame: SignFrame | null = null;
   #schema: Schema | null = null;
-  /** Those that are on, in the order of `SIGNS`. */
+  /** Those that are on, in the order of the menu. */
   #on: readonly Sign[] = [];
   #signs: { readonly kind: SignKind; readonly can: boolean; sign: Sign; on: boolean }[] = [];
+
+  constructor(kinds: readonly SignKind[] = SIGNS) {
+    this.#kinds = kinds;
+  }
 
   /** What each sign has drawn, by key, for tests and the debug interface. */
   get drawn(): Readonly<Record<string, unknown>> {
@@ -55,7 +60,12 @@ export class RobotSigns {
     const { schema, settings } = frame;
     if (schema !== this.#schema) {
       this.#schema = schema;
-      this.#signs = SIGNS.map((kind) => ({ kind, can: kind.can(schema), sign: new kind(schema), on: false }));
+      this.#signs = this.#kinds.map((kind) => ({
+        kind,
+        can: kind.can(schema),
+        sign: new kind(schema),
+        on: false,
+      }));
     }
     for (const one of this.#signs) {
       const { kind, can } = one;

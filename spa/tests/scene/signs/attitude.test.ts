@@ -17,11 +17,11 @@ const leaning = turned('quat.hip', [0.1, -0.2, 0.5]);
 const show = (
   quat: string[],
   codes: Record<string, number | null>,
-  floorM: number | null = null,
+  supportM: number | null = null,
   base = false,
 ) => {
   const schema = legSchema({ ftf: [], quat, base });
-  const { sign, strokes } = drawnSign(Attitude, signFrame(codes, { schema }), { floorM });
+  const { sign, strokes } = drawnSign(Attitude, signFrame(codes, { schema }), { supportM });
   return { ...sign.drawn, lean: sign.lean, strokes };
 };
 

@@ -1,6 +1,9 @@
 // @vitest-environment happy-dom
 import { expect, it } from 'vitest';
+import { Attitude } from '../../../src/scene/signs/attitude.ts';
 import { OVERLAY_COLORS } from '../../../src/scene/signs/colors.ts';
+import { Forces } from '../../../src/scene/signs/forces.ts';
+import { Load } from '../../../src/scene/signs/load.ts';
 import { Overlay } from '../../../src/scene/signs/overlay.ts';
 import { RobotSigns } from '../../../src/scene/signs/signs.ts';
 import { sampleLeg } from '../../rigs/leg_sample.ts';
@@ -14,7 +17,7 @@ const standing = (force: number, given: Parameters<typeof signFrame>[1] = {}) =>
 
 /** A robot in a picture, with its body or none. */
 class Bearer {
-  readonly signs = new RobotSigns();
+  readonly signs = new RobotSigns([Forces, Attitude, Load]);
 
   constructor(
     readonly made: Overlay,
