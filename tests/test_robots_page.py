@@ -19,7 +19,8 @@ from posecast_edge.profile.reader import ROLES, SHIPPED, parse_profile
 from posecast_edge.profile.schema import infer_profile, make_schema_text
 from posecast_edge.robot import Robot
 from posecast_edge.sources.hubo.state import LAYOUTS
-from posecast_edge.sources.jsonl import MAX_LINE, parse_line
+from posecast_edge.sources.jsonl import parse_line
+from posecast_edge.sources.lines import MAX_LINE
 from posecast_edge.sources.merge import STATE_S, STREAM_S
 from posecast_edge.sources.published.checks import PROBLEMS_MAX
 from posecast_edge.sources.published.readings import KEPT_MAX

@@ -1,6 +1,6 @@
 """What there is to say of a parser: how it is called, how it refuses, good input, and the worst input of any
-length that is known. *_parsers.py have the parsers, test_parsers.py and
-test_parsers.py the tests that each of them has to pass.
+length that is known. *_parsers.py have the parsers, test_parsers.py the tests that each of them
+has to pass.
 """
 
 from __future__ import annotations

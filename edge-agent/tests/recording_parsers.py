@@ -21,7 +21,8 @@ from posecast_edge.sources.files.csv import Table
 from posecast_edge.sources.files.playback import parse_playback
 from posecast_edge.sources.files.ros_recording import RosRecording
 from posecast_edge.sources.files.trajectory import TrajectorySource
-from posecast_edge.sources.jsonl import LineError, parse_line
+from posecast_edge.sources.jsonl import parse_line
+from posecast_edge.sources.lines import LineError
 from posecast_edge.sources.mujoco.model import strip_visuals
 from posecast_edge.sources.mujoco.source import ARM
 from rosbags.rosbag2 import StoragePlugin
@@ -264,7 +265,7 @@ PARSERS = (
     ),
     Parser(
         "jsonl",
-        ("sources.jsonl.parse_line", "sources.jsonl.LineSplitter.feed"),
+        ("sources.jsonl.parse_line", "sources.lines.LineSplitter.feed"),
         jsonl_work,
         (LineError,),
         (b'{"t": 12.3, "pos": {"RKN": 0.5}, "cur": [0.1, 0.2], "info": {"mode": "x"}}',),

@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 from cost_stage import cost, grows_linearly
 from posecast_edge.sample import Sample, SourceError
-from posecast_edge.sources import jsonl
+from posecast_edge.sources import lines
 from posecast_edge.sources.base import Troubled
-from posecast_edge.sources.jsonl import MAX_LINE, JsonlSource, LineError, LineSplitter, parse_line
+from posecast_edge.sources.jsonl import parse_line
+from posecast_edge.sources.lines import MAX_LINE, LineError, LineSource, LineSplitter
 from posecast_edge.sources.registry import KINDS, open_source
 from posecast_testing import until
 
@@ -54,7 +55,6 @@ def test_nan_and_infinity_are_no_reading() -> None:
         (b'{"pos": ' + b"[" * 500_000, "nested too deep"),
         (b'{"pos": [1]}\0', "not JSON: Extra data at character 13"),
         (b"\xed\xa0\x80", "not UTF-8"),  # half a character, as some encoders write it
-        (b" " * (MAX_LINE + 1), "longer than 1048576 bytes; it is dropped"),
     ],
 )
 def test_a_bad_line_says_why(line: bytes, reason: str) -> None:
@@ -165,10 +165,14 @@ def test_a_line_of_three_hundred_joints_in_full_precision() -> None:
     assert parse_line(line, 0.0)[0].values["temp"] == joints
 
 
+def open_pipe(fd: int) -> LineSource:
+    return LineSource("jsonl", fd, "stdin", parse_line)
+
+
 class Read:
     """A source running in a thread, its samples in a list."""
 
-    def __init__(self, source: JsonlSource) -> None:
+    def __init__(self, source: LineSource) -> None:
         self.samples: list[tuple[float, Sample]] = []
         self.stop = threading.Event()
         self.thread = threading.Thread(
@@ -183,7 +187,7 @@ class Read:
 
 def run_bytes(data: bytes) -> list[Sample]:
     read, write = os.pipe()
-    reader = Read(JsonlSource(read, "stdin"))
+    reader = Read(open_pipe(read))
     view = memoryview(data)
     while view:
         view = view[os.write(write, view) :]
@@ -208,7 +212,7 @@ def test_the_rest_keeps_running_and_lines_are_numbered(caplog: pytest.LogCapture
 def test_lines_that_are_too_long_are_told_to_viewers() -> None:
     read, write = os.pipe()
     os.set_blocking(write, True)
-    source = JsonlSource(read, "stdin")
+    source = open_pipe(read)
     reader = Read(source)
     os.write(write, b'{"pos": [1]}\n')
     until("a sample", lambda: len(reader.samples) == 1)
@@ -229,7 +233,7 @@ def test_a_line_without_an_end_holds_little_memory() -> None:
 
 def test_stop_ends_a_reader_that_waits() -> None:
     read, write = os.pipe()
-    reader = Read(JsonlSource(read, "stdin"))
+    reader = Read(open_pipe(read))
     reader.stop.set()
     reader.join()
     os.close(read)
@@ -241,7 +245,7 @@ def test_a_file_plays_at_the_pace_of_its_clock(tmp_path: Path) -> None:
     times = [100.0, 100.1, 100.2, 5000.0, 5000.1]  # a jump is not waited for
     path.write_text("".join(json.dumps({"t": t, "pos": [t]}) + "\n" for t in times))
     source = open_source(f"jsonl:{path}", None)
-    assert isinstance(source, JsonlSource)
+    assert isinstance(source, LineSource)
     reader = Read(source)
     reader.join()
     assert [s.t_s for _, s in reader.samples] == times
@@ -253,7 +257,7 @@ def test_a_fifo_outlives_its_writer(tmp_path: Path) -> None:
     path = tmp_path / "fifo"
     os.mkfifo(path)
     source = open_source(f"jsonl:{path}", None)
-    assert isinstance(source, JsonlSource)
+    assert isinstance(source, LineSource)
     reader = Read(source)
     for n in (1, 2):
         path.write_text(json.dumps({"pos": [n]}) + "\n")
@@ -298,7 +302,7 @@ class Clock:
 def test_after_a_stall_what_lay_in_the_pipe_is_not_the_newest(monkeypatch: pytest.MonkeyPatch) -> None:
     """The reader is stopped for 10 s (SIGSTOP), the writer blocks in the full pipe and then goes on."""
     clock = Clock(monkeypatch)
-    monkeypatch.setattr(jsonl, "QUIET_S", 1.0)  # for a machine that is slow to wake the writer
+    monkeypatch.setattr(lines, "QUIET_S", 1.0)  # for a machine that is slow to wake the writer
     read, write = os.pipe()
     got: list[Sample] = []
     stopped, blocked, goes_on, stop = (threading.Event() for _ in range(4))
@@ -319,7 +323,7 @@ def test_after_a_stall_what_lay_in_the_pipe_is_not_the_newest(monkeypatch: pytes
             with contextlib.suppress(OSError):
                 os.write(write, b'{"pos":[%d]}%s\n' % (written[0], b" " * 4000))
 
-    reader = threading.Thread(target=JsonlSource(read, "stdin").run, args=(deliver, stop))
+    reader = threading.Thread(target=open_pipe(read).run, args=(deliver, stop))
     writer = threading.Thread(target=feed)
     reader.start()
     writer.start()

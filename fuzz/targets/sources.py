@@ -24,7 +24,8 @@ from posecast_edge.sources.files.trajectory import open_source as open_trajector
 from posecast_edge.sources.hubo.ach_shm import AchChannel, ChannelError
 from posecast_edge.sources.hubo.achd import AchdParser, AchdProtocolError
 from posecast_edge.sources.hubo.state import HuboDecoder, UnknownFrame
-from posecast_edge.sources.jsonl import LineError, parse_line
+from posecast_edge.sources.jsonl import parse_line
+from posecast_edge.sources.lines import LineError
 from posecast_edge.sources.ros.cdr import CdrReader
 from posecast_edge.sources.ros.merge import MessageMerger
 from posecast_edge.sources.ros.messages import (

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 
+from posecast_edge import kit
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, Source
@@ -30,6 +30,6 @@ class Wave:
     def run(self, deliver: Deliver, stop: threading.Event) -> None:
         """Deliver 100 samples a second until `stop` is set."""
         while not stop.wait(0.01):
-            t_s = time.time()
+            t_s = kit.now_s()
             angle = 0.5 + 0.4 * math.sin(2 * math.pi * self._hz * t_s)
             deliver(Sample(t_s, {"pos": {"knee": angle}}))

@@ -28,13 +28,14 @@ NOTHING: Mapping[str, str] = MappingProxyType({})
 class Sample(NamedTuple):
     """What the robot reported at one instant.
 
-    `t_s`: the robot's clock, seconds. `values`: field name → values in the order of the field's labels, or by
-    label; the source must not change them afterwards. `info`: strings that change rarely (mode, battery
-    name). `where`: the place it was read from, for messages ("line 12"). `exact`: the values follow the
-    source's profile: sequences of floats (masks: ints) and None in the order of its labels; a field is then
-    read only when it is needed. `links`: site → link of the model, if the robot reports where its sensors are
-    mounted. `sliding`: joints that the robot reports as sliding: their units are m, m/s and N.
-    `newest`: False when a newer sample follows at once; it then causes events, but no frame.
+    `t_s`: the robot's clock, seconds; `kit.now_s()` if it has none. `values`: field name → values in the
+    order of the field's labels, or by label; the source must not change them afterwards. `info`: strings
+    that change rarely (mode, battery name). `where`: the place it was read from, for messages ("line
+    12"). `exact`: the values follow the source's profile: sequences of floats (masks: ints) and None in
+    the order of its labels; a field is then read only when it is needed. `links`: site → link of the
+    model, if the robot reports where its sensors are mounted. `sliding`: joints that the robot reports as
+    sliding: their units are m, m/s and N. `newest`: False when a newer sample follows at once; it then
+    causes events, but no frame.
     """
 
     t_s: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Protocol, cast, runtime_checkable
 
 from posecast_edge.kit import quote
 from posecast_edge.model.moving_joints import MovingJoint
-from posecast_edge.sample import WORDS, Sample
+from posecast_edge.sample import WORDS, Sample, SourceError
 
 # Takes a sample. Returns the time (monotonic seconds) from which the next sample would be sent as a frame;
 # None: at once. A source that can collect samples may sleep until then, but must deliver all of them: each is
@@ -77,6 +78,34 @@ class Tabular(Source, Protocol):
     @property
     def columns(self) -> list[str]:
         """Lines for `probe`: what each column is read as, or why it is left out."""
+
+
+# --- options after an address
+
+
+def split_options(kind: str, address: str, known: Mapping[str, str]) -> tuple[str, dict[str, str]]:
+    """Split `ADDRESS[?key=value&flag]` into the address and its options. `known`: option → what to write as
+    its value, such as "SECONDS"; "" for one without. Raises SourceError with one line for any other."""
+    address, _, words = address.partition("?")
+    found: dict[str, str] = {}
+    for word in words.split("&") if words else ():
+        key, _, value = word.partition("=")
+        if key not in known or (word != key and not known[key]):
+            use = " and ".join(f"{key}={value}" if value else key for key, value in known.items())
+            raise SourceError(f"{kind}: unknown option {word[:40]!r}; after ? use {use}")
+        found[key] = value
+    return address, found
+
+
+def to_seconds(kind: str, key: str, value: str) -> float:
+    """A number of seconds, 0 or more. Raises SourceError with one line."""
+    try:
+        value_s = float(value)
+    except ValueError:
+        value_s = math.nan
+    if not 0 <= value_s < math.inf:
+        raise SourceError(f"{kind}: {key}={value[:40]!r} is not a number of seconds")
+    return value_s
 
 
 # --- sensors whose parts a program gives as a list

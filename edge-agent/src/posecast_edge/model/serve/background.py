@@ -104,8 +104,8 @@ class BackgroundBuild:
         if self._stopping:
             return
         took_s = time.monotonic() - began_s
-        raw = f" of {describe_size(self._raw)}" if self._raw is not None else ""
-        log.info("model: %s%s, after %.1f s", describe_size(bundle), raw, took_s)
+        raw = f" from {describe_size(self._raw)}" if self._raw is not None else ""
+        log.info("model: built %s%s in %.1f s", describe_size(bundle), raw, took_s)
         if coarser := explain_coarser():
             log.warning("model: %s", coarser)
         self._log_findings(bundle)

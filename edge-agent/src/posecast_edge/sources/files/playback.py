@@ -9,7 +9,6 @@ continues from one repetition to the next.
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Iterator
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import Protocol, TextIO
 
 from posecast_edge.sample import Sample, SourceError
-from posecast_edge.sources.base import Deliver
+from posecast_edge.sources.base import Deliver, split_options, to_seconds
 
 ENDLESS_LINE = 64 << 20  # characters: a file with a longer line is not a text file
 MAX_PAUSE_S = 10.0
@@ -67,24 +66,10 @@ def skip_line(file: TextIO, step: int) -> None:
 
 def parse_playback(kind: str, address: str) -> Playback:
     """Parse the text after `KIND:`. Raises SourceError with one line when it is invalid."""
-    name, _, words = address.partition("?")
+    name, options = split_options(kind, address, {"start": "SECONDS", "loop": ""})
     if not name or "\0" in name:
         raise SourceError(f"{kind}: give a path, such as {kind}:walk.{kind}")
-    start_s, loop = 0.0, False
-    for word in words.split("&") if words else ():
-        key, _, value = word.partition("=")
-        if key == "start":
-            try:
-                start_s = float(value)
-            except ValueError:
-                start_s = math.nan
-            if not 0 <= start_s < math.inf:
-                raise SourceError(f"{kind}: start={value[:40]!r} is not a number of seconds")
-        elif word == "loop":
-            loop = True
-        else:
-            raise SourceError(f"{kind}: unknown option {word[:40]!r}; after ? use start=SECONDS and loop")
-    return Playback(Path(name), start_s, loop)
+    return Playback(Path(name), to_seconds(kind, "start", options.get("start", "0")), "loop" in options)
 
 
 class Player:
