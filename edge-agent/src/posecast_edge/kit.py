@@ -1,4 +1,4 @@
-"""What every room of the agent uses: printable text, the clock, logs that nobody can flood, rate limits."""
+"""What all packages of the agent use: printable text, the clock, logs that nobody can flood, rate limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small helpers of every room. They know no other room, and each call is given the time."""
+"""Small helpers of every package. They know no other package, and each call is given the time."""
 
 from __future__ import annotations
 
