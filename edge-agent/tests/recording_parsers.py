@@ -221,7 +221,9 @@ PARSERS = (
         "mcap",
         (
             "sources.files.ros_recording.RosRecording.read_samples",
-            "sources.files.mcap_records.read_mcap",
+            "sources.files.records.RecordedFile.read_messages",
+            "sources.files.records.read_blocks",
+            "sources.files.mcap_records.McapFile.read_messages",
             "sources.files.mcap_records.unpack_chunk",
         ),
         mcap_work,
@@ -240,8 +242,7 @@ PARSERS = (
     Parser(
         "bag of ROS 1",
         (
-            "sources.files.ros_recording.read_file",
-            "sources.files.rosbag1_records.read_rosbag1",
+            "sources.files.rosbag1_records.Rosbag1File.read_messages",
             "sources.files.rosbag1_records.unpack_rosbag1_chunk",
         ),
         mcap_work,
@@ -257,7 +258,7 @@ PARSERS = (
     ),
     Parser(
         "bag of ROS 2",
-        ("sources.files.sqlite_records.read_sqlite",),
+        ("sources.files.sqlite_records.SqliteFile.read_messages",),
         mcap_work,
         (SourceError,),
         (ros2_bag(3),),

@@ -118,8 +118,9 @@ def test_without_a_profile_the_first_sample_has_every_joint(tmp_path: Path) -> N
         bag.add("/joint_states", "sensor_msgs/msg/JointState", t_ns, joint_state(t_ns, **{"AB"[k % 2]: 0.5}))
     first = samples(tmp_path, bag.finish(), profile="")[0]
     assert set(first.values["pos"]) == {"A", "B"}
+    assert first.values["pos"] == {"A": 0.5, "B": None}
     short = samples(tmp_path, walk(10), profile="")
-    assert [s.values for s in short] == [{"pos": {"A": 0.09, "B": -0.09}}]
+    assert [s.values for s in short] == [{"pos": {"A": k / 100, "B": -k / 100}} for k in range(10)]
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.99])

@@ -1,15 +1,16 @@
 """Reads the records of an MCAP file that are needed to play it: schemas, channels and messages.
 
-A record is read only if it is complete and needed, so a false size in the file allocates nothing. Only the
-unpacked chunk and one record are in memory at a time. Needs the extra `mcap`.
+A record is read only if it is complete and needed, so a false size in the file allocates nothing. Needs the
+extra `mcap`, whose own reader by time does without no index, and holds all chunks that overlap.
 """
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from io import BytesIO
+from pathlib import Path
 from typing import IO
 
 import lz4.frame
@@ -17,84 +18,180 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Schema
+from mcap.records import Channel, Chunk, Schema
 
 from posecast_edge.sources.files.records import (
     UNPACKED_MAX,
+    Block,
     Complain,
+    FindTime,
     Record,
     RecordedMessage,
     RecordedTopic,
+    append_block,
+    complete_blocks,
     describe_error,
+    find_span,
+    ignore,
+    read_blocks,
 )
 from posecast_edge.sources.ros.messages import shorten_type
 from posecast_edge.sources.ros.topics import TOPIC_MAX
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode, length
+SPAN = struct.Struct("<QQ")  # of a chunk: times of its first and last message
+INDEX = struct.Struct("<HI")  # channel, size of the index
+MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log and publish time
+TIMED = struct.Struct("<HIQ")  # the beginning of that
+CUT_OFF = -1  # in place of an opcode
 RECORD_MAX = 256 << 20  # bytes; a longer one is left out
 TOO_LONG = (MemoryError, OverflowError)  # raised when a record claims too large a size
 UNREADABLE = (McapError, zstandard.ZstdError, struct.error, RuntimeError, ValueError, EOFError, *TOO_LONG)
 
 
-def read_mcap(file: IO[bytes], complain: Complain) -> Iterator[Record]:
-    """Read topics and messages in file order, up to the end or to the point where the file is cut off.
-    `complain` gets a line for each record or chunk that is left out. Raises OSError when reading fails."""
-    types: dict[int, str] = {}  # of schemas
-    for record in _records(file, complain):
-        if isinstance(record, Message):
-            yield RecordedMessage(record.channel_id, record.log_time, record.data)
-        elif isinstance(record, Schema):
-            types[record.id] = shorten_type(record.name[:TOPIC_MAX])
-        else:
-            type_name = types.get(record.schema_id, "")
-            yield RecordedTopic(record.id, record.topic, type_name, record.message_encoding)
+class McapFile:
+    """A file that has been scanned from record to record: one that was cut off or has no index is no
+    exception."""
+
+    def __init__(self, path: Path, complain: Complain) -> None:
+        """`complain` gets a line for each record that is left out. Raises OSError when reading fails."""
+        self.topics: dict[int, RecordedTopic] = {}
+        self._path, self._complain = path, complain
+        self._types: dict[int, str] = {}  # of schemas
+        self._blocks: list[Block] = []
+        with path.open("rb") as file:
+            self._scan(file)
+            complete_blocks(self._blocks, self.topics, lambda block: self._read_block(file, block, ()))
+        self.span_ns = find_span(self._blocks)
+
+    def read_messages(
+        self, wanted: Collection[int], held_max: int, find_ns: FindTime | None = None
+    ) -> Iterator[RecordedMessage]:
+        """See RecordedFile."""
+        with self._path.open("rb") as file:
+            yield from read_blocks(
+                self._blocks,
+                self.topics,
+                wanted,
+                lambda block: self._read_block(file, block, wanted),
+                held_max,
+                find_ns,
+            )
+
+    def _scan(self, file: IO[bytes]) -> None:
+        chunk: Block | None = None  # the last one, whose index follows
+        for begins, opcode, length in _list_heads(file, len(MAGIC), file.seek(0, 2)):
+            start = file.read(min(length, SPAN.size))
+            if opcode == Opcode.MESSAGE_INDEX:
+                if chunk is not None and len(start) >= INDEX.size and INDEX.unpack_from(start)[1]:
+                    chunk.topics = (chunk.topics or frozenset()) | {INDEX.unpack_from(start)[0]}
+                continue
+            if chunk is not None:
+                append_block(self._blocks, chunk)
+                chunk = None
+            if opcode == CUT_OFF:
+                self._complain(f"is cut off in the record at byte {begins}")
+            elif opcode == Opcode.CHUNK:
+                chunk = _describe(begins, opcode, length, start)
+            elif opcode == Opcode.MESSAGE:
+                append_block(self._blocks, _describe(begins, opcode, length, start))
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                for record in self._read_record(file, begins, opcode, length, (), self._complain):
+                    if isinstance(record, RecordedTopic):
+                        self.topics.setdefault(record.id, record)
+        if chunk is not None:
+            append_block(self._blocks, chunk)
+
+    def _read_block(self, file: IO[bytes], block: Block, wanted: Collection[int]) -> Iterator[Record]:
+        complain = ignore if block.was_read else self._complain
+        for begins, opcode, length in _list_heads(file, block.begins, block.ends):
+            if opcode in (Opcode.CHUNK, Opcode.MESSAGE):
+                yield from self._read_record(file, begins, opcode, length, wanted, complain)
+
+    def _read_record(
+        self,
+        file: IO[bytes],
+        begins: int,
+        opcode: int,
+        length: int,
+        wanted: Collection[int],
+        complain: Complain,
+    ) -> Iterator[Record]:
+        """What is in the record, or in the records of a chunk."""
+        try:
+            if length > RECORD_MAX:
+                raise ValueError(f"{length} bytes, at most {RECORD_MAX}")
+            file.seek(begins + HEAD.size)
+            data = file.read(length)
+            if opcode == Opcode.CHUNK:
+                data = unpack_chunk(Chunk.read(ReadDataStream(BytesIO(data))))
+                for inner, at, size in _list_inner_heads(data):
+                    yield from self._interpret(inner, data, at, size, wanted)
+            else:
+                yield from self._interpret(opcode, data, 0, length, wanted)
+        except UNREADABLE as e:
+            what = "chunk that begins" if opcode == Opcode.CHUNK else "record"
+            complain(f"the {what} at byte {begins}: {describe_error(e)}; left out")
+
+    def _interpret(
+        self, opcode: int, data: bytes, at: int, length: int, wanted: Collection[int]
+    ) -> Iterator[Record]:
+        """The topic or message in `data[at : at + length]`. Messages have data if they are wanted."""
+        if opcode == Opcode.MESSAGE:
+            if length < MESSAGE.size:
+                raise ValueError("it is incomplete")
+            number, _, t_ns, _ = MESSAGE.unpack_from(data, at)
+            yield RecordedMessage(
+                number, t_ns, data[at + MESSAGE.size : at + length] if number in wanted else b""
+            )
+        elif opcode == Opcode.SCHEMA:
+            schema = Schema.read(ReadDataStream(BytesIO(data[at : at + length])))
+            self._types[schema.id] = shorten_type(schema.name[:TOPIC_MAX])
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(ReadDataStream(BytesIO(data[at : at + length])))
+            type_name = self._types.get(channel.schema_id, "")
+            yield RecordedTopic(channel.id, channel.topic, type_name, channel.message_encoding)
 
 
-def _records(file: IO[bytes], complain: Complain) -> Iterator[Schema | Channel | Message]:
-    size = file.seek(0, 2)
-    begins = file.seek(len(MAGIC))
+def _describe(begins: int, opcode: int, length: int, start: bytes) -> Block:
+    """The block of a chunk or message whose content begins with `start`."""
+    block = Block(begins, begins + HEAD.size + length)
+    if opcode == Opcode.CHUNK and len(start) == SPAN.size and any(SPAN.unpack(start)):
+        block.start_ns, block.end_ns = SPAN.unpack(start)
+    elif opcode == Opcode.MESSAGE and length >= MESSAGE.size:
+        topic, _, block.start_ns = TIMED.unpack_from(start)
+        block.end_ns, block.topics = block.start_ns, frozenset((topic,))
+    return block
+
+
+def _list_heads(file: IO[bytes], begins: int, ends: int) -> Iterator[tuple[int, int, int]]:
+    """Position, opcode and length of each record up to the footer. After each, the file stands behind its
+    head. The opcode is CUT_OFF where a record or the footer is incomplete."""
     while True:
-        head = file.read(HEAD.size)
-        opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, size)
+        file.seek(begins)
+        head = file.read(HEAD.size) if begins < ends else b""
+        opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (CUT_OFF, 0)
         if opcode == Opcode.FOOTER:
             return
-        if length > size - begins - HEAD.size:
-            complain(f"is cut off in the record at byte {begins}")
+        if opcode == CUT_OFF or length > ends - begins - HEAD.size:
+            yield begins, CUT_OFF, 0
             return
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK):
-            what = "chunk that begins" if opcode == Opcode.CHUNK else "record"
-            try:
-                if length > RECORD_MAX:
-                    raise ValueError(f"{length} bytes, at most {RECORD_MAX}")
-                data = file.read(length)
-                yield from _of_chunk(data) if opcode == Opcode.CHUNK else [_record(opcode, data)]
-            except UNREADABLE as e:
-                complain(f"the {what} at byte {begins}: {describe_error(e)}; left out")
-        begins = file.seek(begins + HEAD.size + length)
+        yield begins, opcode, length
+        begins += HEAD.size + length
 
 
-def _of_chunk(data: bytes) -> Iterator[Schema | Channel | Message]:
-    """The records of one chunk. Raises what `unpack_chunk` raises, and ValueError when they are cut off."""
-    content = unpack_chunk(Chunk.read(ReadDataStream(BytesIO(data))))
+def _list_inner_heads(content: bytes) -> Iterator[tuple[int, int, int]]:
+    """Opcode, position and length of the content of each record in a chunk. Raises ValueError when they are
+    cut off."""
     begins = 0
     while begins < len(content):
         opcode, length = HEAD.unpack_from(content, begins)
         begins += HEAD.size
         if not opcode or length > len(content) - begins:
             raise ValueError("a record in it is incomplete")
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
-            yield _record(opcode, content[begins : begins + length])
+        yield opcode, begins, length
         begins += length
-
-
-def _record(opcode: int, data: bytes) -> Schema | Channel | Message:
-    stream = ReadDataStream(BytesIO(data))
-    if opcode == Opcode.MESSAGE:
-        record: Schema | Channel | Message = Message.read(stream, len(data))
-    else:
-        record = Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
-    return record
 
 
 def unpack_chunk(chunk: Chunk) -> bytes:

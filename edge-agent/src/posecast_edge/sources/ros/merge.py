@@ -77,6 +77,8 @@ class MessageMerger:
         if topic in self._expected:
             self._expected[topic] = True
         self.report_left_out(topic, report.left_out)
+        for part, how in report.remarks.items():
+            self._left_out.add(f"{topic}: {how}", f"{topic} {part}")
         labels = tuple(label for readings in report.values.values() for label in readings)
         stream = role in STREAMS and not (role == "ref" and type_name == JOINT_STATE)
         life_s = math.inf if report.lasts else STREAM_S if stream else STATE_S

@@ -65,7 +65,8 @@ class Report:
     `stamp_s`: the header's time in seconds; None if it is missing or zero. `values`: field → label → reading;
     None if the message states that there is no reading. `info`: texts. `links`: site → link of the model, if
     the message names it. `lasts`: the content is published once and never expires. `left_out`: part of the
-    message that can't be read → why ("effort has 1 value, name 2").
+    message that can't be read → why ("effort has 1 value, name 2"). `remarks`: part → how it was read, if
+    that may be a surprise.
     """
 
     stamp_s: float | None
@@ -74,6 +75,7 @@ class Report:
     links: Mapping[str, str] = field(default_factory=dict)
     lasts: bool = False
     left_out: Mapping[str, str] = field(default_factory=dict)
+    remarks: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -240,6 +242,7 @@ def _battery(message: Any, site: str, field_name: str) -> Report:
     site = site or "main"
     left_out: dict[str, str] = {}
     present = bool(_member(message, "present")) if _optional(message, "present") is not None else True
+    remarks: dict[str, str] = {}
     values: dict[str, Mapping[str, Reading]] = {}
     for name, member, factor in (
         ("volt", "voltage", 1),
@@ -248,14 +251,18 @@ def _battery(message: Any, site: str, field_name: str) -> Report:
     ):
         with _leaving_out(member, left_out):
             number = _number(_member(message, member), member)
-            # the definition says 0 to 1; some drivers write percent
-            gain = 1 if member == "percentage" and number is not None and number > SHARE_MOST else factor
+            gain = factor
+            if member == "percentage" and number is not None and number > SHARE_MOST:
+                gain = 1  # the definition says 0 to 1; some drivers write percent
+                remarks[member] = f"percentage is {number:g}, not 0 to 1, and is read as percent"
+            if not present and number:
+                remarks["present"] = "present is false, so no readings of the battery are shown"
             values[name] = {site: number * gain if present and number is not None else None}
     status = _optional(message, "power_supply_status")
     known = isinstance(status, int) and 0 <= status < len(BATTERY_STATES)
     word = (BATTERY_STATES[status] if known else "unknown") if present else "not present"
     info = {f"battery {site}" if site != "main" else "battery": word}
-    return _filled(message, "a BatteryState without readings", values, left_out, info=info)
+    return _filled(message, "a BatteryState without readings", values, left_out, info=info, remarks=remarks)
 
 
 def _odometry(message: Any, site: str, field_name: str) -> Report:
@@ -489,12 +496,14 @@ def _filled(
     left_out: dict[str, str],
     links: Mapping[str, str] = NOTHING,
     info: Mapping[str, str] = NOTHING,
+    remarks: Mapping[str, str] = NOTHING,
 ) -> Report:
     """The report. Raises RosMessageError when it has no values: `otherwise`, if no part was left out."""
     if not values:
         _raise_first(left_out)
         raise RosMessageError(otherwise)
-    return Report(_stamp(message, left_out), values, info, links, left_out=left_out)
+    stamp_s = _stamp(message, left_out)
+    return Report(stamp_s, values, info, links, left_out=left_out, remarks=remarks)
 
 
 def _describe(e: Exception) -> str:
