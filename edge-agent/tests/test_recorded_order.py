@@ -258,7 +258,7 @@ def test_blocks_are_read_as_often_as_they_must_be() -> None:
             for number in range(dice.randrange(1, 8))
         ]
         times = [[message.t_ns for message in content] for content in contents]
-        blocks = [Block(i, i + 1, min(own), max(own)) for i, own in enumerate(times)]
+        blocks = [Block(i, i + 1, 0, min(own), max(own)) for i, own in enumerate(times)]
         blocks[0].start_ns = blocks[0].end_ns = None
         held_max = dice.choice([0, 1500, 1 << 20])
         found = list(merge_blocks(blocks, partial(_messages_of, contents), held_max))

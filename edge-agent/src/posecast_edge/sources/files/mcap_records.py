@@ -40,7 +40,7 @@ from posecast_edge.sources.ros.topics import TOPIC_MAX
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode, length
-SPAN = struct.Struct("<QQ")  # of a chunk: times of its first and last message
+CHUNK = struct.Struct("<QQQ")  # times of its first and last message, unpacked size
 INDEX = struct.Struct("<HI")  # channel, size of the index
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log and publish time
 TIMED = struct.Struct("<HIQ")  # the beginning of that
@@ -82,7 +82,7 @@ class McapFile:
     def _scan(self, file: IO[bytes]) -> None:
         chunk: Block | None = None  # the last one, whose index follows
         for begins, opcode, length in _list_heads(file, len(MAGIC), file.seek(0, 2)):
-            start = file.read(min(length, SPAN.size))
+            start = file.read(min(length, CHUNK.size))
             if opcode == Opcode.MESSAGE_INDEX:
                 if chunk is not None and len(start) >= INDEX.size and INDEX.unpack_from(start)[1]:
                     chunk.topics = (chunk.topics or frozenset()) | {INDEX.unpack_from(start)[0]}
@@ -157,8 +157,10 @@ class McapFile:
 def _describe(begins: int, opcode: int, length: int, start: bytes) -> Block:
     """The block of a chunk or message whose content begins with `start`."""
     block = Block(begins, begins + HEAD.size + length)
-    if opcode == Opcode.CHUNK and len(start) == SPAN.size and any(SPAN.unpack(start)):
-        block.start_ns, block.end_ns = SPAN.unpack(start)
+    if opcode == Opcode.CHUNK and len(start) == CHUNK.size:
+        start_ns, end_ns, block.unpacked = CHUNK.unpack(start)
+        if end_ns:
+            block.start_ns, block.end_ns = start_ns, end_ns
     elif opcode == Opcode.MESSAGE and length >= MESSAGE.size:
         topic, _, block.start_ns = TIMED.unpack_from(start)
         block.end_ns, block.topics = block.start_ns, frozenset((topic,))

@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol
 from posecast_edge.kit import many
 
 UNPACKED_MAX = 64 << 20  # bytes of an unpacked chunk; recorders make chunks of one to sixteen MiB
-BLOCK_BYTES = 1 << 20  # of a file: smaller chunks, and messages without chunks, are put together
+BLOCK_BYTES = 1 << 20  # smaller chunks, and messages without chunks, are put together
 HELD_MAX = 32 << 20  # bytes of the messages that wait for their turn
 MESSAGE_BYTES = 250  # that an object for a message takes, beside its data
 
@@ -75,10 +75,11 @@ def describe_error(e: Exception) -> str:
 class Block:
     """Bytes `begins` to `ends` of a file: a large chunk, or several records. `start_ns`, `end_ns`: the times
     of its first and last message; `topics`: the numbers of their topics. None where only reading it tells.
-    `was_read`: what is wrong with it has been reported."""
+    `unpacked`: bytes of its messages; `was_read`: what is wrong with it has been reported."""
 
     begins: int
     ends: int
+    unpacked: int = 0
     start_ns: int | None = None
     end_ns: int | None = None
     topics: frozenset[int] | None = None
@@ -87,6 +88,7 @@ class Block:
     def put_together(self, other: Block) -> None:
         """Extend this block by the next one."""
         self.ends = other.ends
+        self.unpacked += other.unpacked
         if self.start_ns is None or self.end_ns is None or other.start_ns is None or other.end_ns is None:
             self.start_ns = self.end_ns = None
         else:
@@ -99,7 +101,8 @@ class Block:
 
 def append_block(blocks: list[Block], block: Block) -> None:
     """Add the next block of a file, or put it together with the last one."""
-    if blocks and block.ends - blocks[-1].begins <= BLOCK_BYTES:
+    sizes = (blocks[-1].unpacked + block.unpacked, block.ends - blocks[-1].begins) if blocks else ()
+    if blocks and max(sizes) <= BLOCK_BYTES:
         blocks[-1].put_together(block)
     else:
         blocks.append(block)

@@ -86,7 +86,7 @@ class Rosbag1File:
                 self._complain("is encrypted: decrypt it first, for example with `rosbag decrypt`")
                 return
             elif one.kind == CHUNK:
-                chunk = Block(one.begins, one.ends)
+                chunk = Block(one.begins, one.ends, one.unpacked)
             elif one.kind == MESSAGE:
                 append_block(self._blocks, Block(one.begins, one.ends))
             elif one.kind in (CONNECTION, SPOILED):
@@ -132,6 +132,11 @@ class _Head(NamedTuple):
     @property
     def ends(self) -> int:
         return self.data_at + self.length
+
+    @property
+    def unpacked(self) -> int:
+        size = self.fields.get(b"size", b"")
+        return LENGTH.unpack(size)[0] if len(size) == LENGTH.size else 0
 
 
 def _list_records(file: IO[bytes], begins: int, ends: int) -> Iterator[_Head]:
