@@ -13,7 +13,16 @@ from posecast_edge import kit
 from posecast_edge.model.serve.bundle import load_bundle
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
-from posecast_edge.sources.published.checks import BACK, ERRORS_MAX, ClockCheck, ModelCheck, ProblemList
+from posecast_edge.sources.published.checks import (
+    BACK,
+    BACK_A_LITTLE,
+    ERRORS_MAX,
+    STANDS,
+    ClockCheck,
+    ModelCheck,
+    ProblemList,
+    StepCheck,
+)
 from posecast_edge.sources.published.readings import Copied, PublishedSlot
 from posecast_edge.sources.published.source import PublishedSource
 
@@ -161,7 +170,7 @@ def test_a_profile_says_itself_what_moves_what(tmp_path: Path) -> None:
 
 def told(times: list[tuple[float, float]]) -> dict[str, int]:
     problems = ProblemList()
-    check = ClockCheck(problems)
+    check = ClockCheck(problems.add)
     for t_s, now_s in times:
         check.check_time(t_s, now_s)
     return problems.get_counts()
@@ -172,7 +181,7 @@ def told(times: list[tuple[float, float]]) -> dict[str, int]:
     [
         (1.0, {}),
         (20.0, {}),  # a replay
-        (0.0, {}),
+        (0.0, {STANDS: 9}),
         (1000.0, {"t runs 1,000 times too fast: are these milliseconds?": 3}),
         (1e6, {"t runs 1,000,000 times too fast: are these microseconds?": 3}),
         (1e9, {"t runs 1,000,000,000 times too fast: are these nanoseconds?": 3}),
@@ -184,3 +193,35 @@ def test_the_unit_shows_in_the_pace(pace: float, said: dict[str, int]) -> None:
 
 def test_a_clock_that_steps_back_is_told_and_counts_anew() -> None:
     assert told([(10.0, 0.0), (9.5, 0.1), (3.0, 0.2), (3.1, 0.3), (1000.0, 0.4), (1.0, 0.5)]) == {BACK: 2}
+
+
+@pytest.mark.parametrize("length", [0.1, 0.3, 0.5, 0.9, 1.0, 1.5])
+@pytest.mark.parametrize("hz", [10, 200])
+def test_short_episodes_step_back(length: float, hz: int) -> None:
+    """Each episode of a simulation begins at 0. A program that publishes at two places has two clocks."""
+    problems = ProblemList()
+    clock, steps = ClockCheck(problems.add), StepCheck(problems.add)
+    per_episode = round(length * hz)
+    for k in range(5 * per_episode):
+        t_s = k % per_episode / hz
+        clock.check_time(t_s, k / hz)
+        steps.check_step(("pos",), t_s)
+        steps.check_step(("acc", "gyro"), 100 + k / hz - 0.01)
+    said = {text: count for text, count in problems.get_counts().items() if text != STANDS}
+    assert said == ({} if per_episode < 2 else {BACK if (per_episode - 1) / hz > 1 else BACK_A_LITTLE: 4})
+
+
+def test_threads_have_clocks_of_their_own() -> None:
+    problems = ProblemList()
+    steps = StepCheck(problems.add)
+    steps.check_step(("pos",), 10.0)
+
+    def publish() -> None:
+        for k in range(9):
+            steps.check_step(("pos",), 9.5 + k / 100)
+
+    other = threading.Thread(target=publish)
+    other.start()
+    other.join()
+    steps.check_step(("pos",), 10.01)
+    assert problems.get_counts() == {}

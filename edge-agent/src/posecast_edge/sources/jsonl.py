@@ -2,11 +2,12 @@
 
     {"t": 12.3, "pos": {"RKN": 0.5}, "cur": [0.1, 0.2], "flags": {"RKN": ["jam"]}, "info": {"mode": "x"}}
 
-`jsonl` reads stdin, `jsonl:PATH` a file or FIFO. `t` is the robot's clock in seconds; the default is the
-arrival time on the monotonic clock. An invalid line is logged and skipped; of a line with an invalid value or
-text, the rest is used. If a name is repeated in one object, its last value counts. A regular file plays at
-the pace of its `t`. A pipe is read at once: only the newest line is sent as state, earlier lines only cause
-events. With a FIFO you can restart your program.
+`jsonl` reads stdin, `jsonl:PATH` a file or FIFO. `t` is the robot's clock in seconds, or in smaller units if
+its size shows that, or the steps of a file; the default is the arrival time on the monotonic clock. An
+invalid line is logged and skipped; of a line with an invalid value or text, the rest is used. If a name is
+repeated in one object, its last value counts. A regular file plays at the pace of its `t`. A pipe is read at
+once: only the newest line is sent as state, earlier lines only cause events. With a FIFO you can restart your
+program.
 """
 
 from __future__ import annotations
@@ -19,14 +20,23 @@ import select
 import stat
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from posecast_edge import kit
-from posecast_edge.kit import PartLog, kind_of, make_visible
-from posecast_edge.sample import Sample, SourceError, explain_time, read_time
+from posecast_edge.kit import OnceLog, PartLog, kind_of, make_visible
+from posecast_edge.sample import (
+    UNITS_OF_TIME,
+    Sample,
+    SourceError,
+    explain_time,
+    guess_time_unit,
+    read_time,
+)
 from posecast_edge.sources.base import Deliver, Source, has_lists, split_lists
+from posecast_edge.sources.published.checks import ClockCheck
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -42,10 +52,14 @@ MAX_INFO = 32  # entries per line
 MAX_INFO_CHARS = 200
 MAX_PAUSE_S = 10.0  # between two lines of a file; a longer gap is skipped
 NAME_SHOWN = VALUE_SHOWN = 40  # characters, in a message
+CLOCK_LINES = 200  # of a file, from which the unit of its clock is guessed
 POLL_S = 0.1
 QUIET_S = 0.005
 STALL_S = 0.25  # after this long without reading, the next data may be old
 BACKLOG_S = 0.5  # a writer ahead of its reader for this long is always ahead
+
+
+UNIT = "unit of t"  # a part of a line that is said, not left out
 
 
 class LineError(ValueError):
@@ -81,6 +95,9 @@ class JsonlSource:
         self._started = False
         self._start_s = 0.0  # kit.now_s() when the file's clock was 0
         self._bad = PartLog(log.warning, "bad lines")
+        self._unit = ""  # of `t` in a file, once it is known
+        self._clock = OnceLog(lambda text: log.warning("%s: %s", name, text))
+        self._check = ClockCheck(self._clock.add)
         self._lines = LineSplitter(MAX_LINE)
         self._too_large_s = -math.inf  # when a line was too large
         self._number = 0  # of the newest line
@@ -99,7 +116,10 @@ class JsonlSource:
         chunk: bytes | None = None
         while not stop.is_set() and chunk != b"":
             chunk = self._read()
-            for line in self._lines.flush() if chunk == b"" else self._lines.feed(chunk or b""):
+            lines = list(self._lines.flush() if chunk == b"" else self._lines.feed(chunk or b""))
+            if self._paced and not self._unit and lines:
+                self._guess_unit(lines)
+            for line in lines:
                 self._number += 1
                 self._take(line, deliver, stop)
                 if stop.is_set():
@@ -113,15 +133,19 @@ class JsonlSource:
             return
         where, now_s = f"{self._name} line {self._number}", kit.now_s()
         try:
-            sample, wrong = parse_line(line, now_s, where)
+            sample, wrong = parse_line(line, now_s, where, self._unit or "s")
         except LineError as e:
             if len(line) > MAX_LINE:
                 self._too_large_s = now_s
             for part, text in e.parts.items():
                 self._bad.add(part, f"{where}: {text}")
             return
+        if UNIT in wrong:
+            self._clock.add(wrong.pop(UNIT), UNIT)
         for part, text in wrong.items():
             self._bad.add(part, f"{where}: {text}")
+        if not self._paced:
+            self._check.check_time(sample.t_s, now_s)
         if self._waiting is not None:
             self._deliver_waiting(deliver, newest=False)
         if self._paced:
@@ -129,6 +153,16 @@ class JsonlSource:
             deliver(sample)
         else:
             self._waiting = sample
+
+    def _guess_unit(self, lines: Sequence[bytes]) -> None:
+        """Find the unit of a file's clock from its first lines, as for tables."""
+        times = []
+        for line in lines[:CLOCK_LINES]:
+            with suppress(LineError, TypeError, ValueError, OverflowError):
+                times.append(float(_object(line).get("t", math.nan)))
+        self._unit, why = guess_time_unit(times, "lines")
+        if why:
+            self._clock.add(f"t is read as {UNITS_OF_TIME[self._unit][1]}, because {why}", UNIT)
 
     def _deliver_waiting(self, deliver: Deliver, newest: bool) -> None:
         sample, self._waiting = self._waiting, None
@@ -215,17 +249,22 @@ class LineSplitter:
         self._overlong = False
 
 
-def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, dict[str, str]]:
+def parse_line(
+    line: bytes, arrival_s: float, where: str = "", unit: str = "s"
+) -> tuple[Sample, dict[str, str]]:
     """Parse a line into a sample and complaints about parts that were left out: the part, which is the same
-    each time, → the text. NaN and Infinity are "no reading". Raises LineError when there is no sample at
-    all."""
+    each time, → the text. UNIT is left out of nothing: it says that `t` is in another unit than `unit`. NaN
+    and Infinity are "no reading". Raises LineError when there is no sample at all."""
     value = _object(line)
     wrong: dict[str, str] = {}
-    t = value.pop("t", arrival_s)
-    t_s = read_time(t)
-    if t_s is None:
-        wrong["t"] = explain_time(t, _json(t))
-        t_s = arrival_s
+    remark, t_s = "", arrival_s
+    if "t" in value:
+        t = value.pop("t")
+        found_s = read_time(t, unit)
+        if found_s is None:
+            wrong["t"] = explain_time(t, _json)
+        else:
+            t_s, remark = found_s, explain_time(t, _json) if unit == "s" else ""
     info = _info(value.pop("info", {}), wrong)
     value = {name: values for name, values in value.items() if values is not None}  # null: no reading
     fields = {name: values for name, values in value.items() if isinstance(values, (list, dict))}
@@ -243,6 +282,8 @@ def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, 
     if not fields and not info:
         parts = wrong if wrong.keys() - {"t"} else {**wrong, "": "no field"}
         raise LineError(next(iter(parts.values())), parts)
+    if remark:
+        wrong[UNIT] = remark
     return Sample(t_s, fields, info, where), wrong
 
 

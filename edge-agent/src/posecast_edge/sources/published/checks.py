@@ -6,14 +6,14 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from posecast_wire.command_line.installation import name_edge_command
 
 from posecast_edge.kit import OnceLog, make_visible, quote
 from posecast_edge.model.serve.bundle import Bundle
-from posecast_edge.sample import Reading
+from posecast_edge.sample import UNITS_OF_TIME, Reading
 
 log = logging.getLogger("posecast_edge.robot")
 
@@ -147,24 +147,33 @@ class ModelCheck:
 # --- the clock
 
 LOOK_S = 1.0  # between two checks of the pace
+STANDS_S = 2.0  # a clock that has not moved for so long
 BACK_S = 1.0  # threads that publish with their own times may be a little apart
-UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 BACK = "t stepped back by more than a second: does it come from another clock?"
+BACK_A_LITTLE = "t stepped back: let it run on, also from one episode to the next"
+STANDS = f"t has not changed for {STANDS_S:g} s: give the robot's clock, or leave t out"
+CALLERS_MAX = 64
 
 
 class ClockCheck:
-    """Compares the robot clock that a program passes with this machine's clock. Reports to `problems` when
-    the robot's time steps back, or seems to be in another unit."""
+    """Compares the robot clock that a program passes with this machine's clock. `say` is called with a line,
+    the same for each problem of a kind, when the robot's time steps back, stands still, or seems to be in
+    another unit."""
 
-    def __init__(self, problems: ProblemList) -> None:
-        self._problems = problems
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
         self._newest: tuple[float, float] | None = None
         self._began: tuple[float, float] | None = None
+        self._moved_s = 0.0
 
     def check_time(self, t_s: float, now_s: float) -> None:
         """Check one call. `t_s`: the robot's time that it passed; `now_s`: monotonic seconds."""
+        if self._newest is None or t_s != self._newest[0]:
+            self._moved_s = now_s
+        elif now_s - self._moved_s >= STANDS_S:
+            self._say(STANDS)
         if self._newest is not None and t_s < self._newest[0] - BACK_S:
-            self._problems.add(BACK)
+            self._say(BACK)
             self._began = None
         self._newest = (t_s, now_s)
         if self._began is None:
@@ -174,6 +183,24 @@ class ClockCheck:
             return
         pace = (t_s - self._began[0]) / passed_s
         self._began = self._newest
-        for factor, unit in UNITS.items():
-            if 0.5 < pace / factor < 2:
-                self._problems.add(f"t runs {factor:,.0f} times too fast: are these {unit}?")
+        for unit_s, unit in list(UNITS_OF_TIME.values())[1:]:
+            if 0.5 < pace * unit_s < 2:
+                self._say(f"t runs {1 / unit_s:,.0f} times too fast: are these {unit}?")
+
+
+class StepCheck:
+    """Finds small steps back of `t` (ClockCheck finds large ones): each thread, and each set of fields that a
+    thread publishes, may have its own clock. May be used from any thread."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._newest: dict[tuple[int, tuple[str, ...]], float] = {}
+
+    def check_step(self, fields: tuple[str, ...], t_s: float) -> None:
+        """Check the robot's time that one call passed together with these fields."""
+        caller = (threading.get_ident(), fields)
+        before_s = self._newest.get(caller)
+        if before_s is not None or len(self._newest) < CALLERS_MAX:
+            self._newest[caller] = t_s
+        if before_s is not None and before_s - BACK_S <= t_s < before_s:
+            self._say(BACK_A_LITTLE)

@@ -38,7 +38,7 @@ class PublishedSource:
         self._slot, self._joints, self._problems = slot, dict.fromkeys(joints), problems
         # labels of each field of the profile; None: without one, the agent decides
         self._of_profile = {f.name: frozenset(f.labels) for f in profile.fields} if profile else None
-        self._model, self._clock = ModelCheck(problems), ClockCheck(problems)
+        self._model, self._clock = ModelCheck(problems), ClockCheck(problems.add)
         self._compared: dict[str, set[str]] = {}  # joints of each field that were compared with the model
         self._ended = False
 
