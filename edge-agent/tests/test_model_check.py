@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import threading
 from pathlib import Path
 
 import pytest
+from command_stage import run_edge
 from model_stage import joint, link, mesh, robot, written
 from posecast_edge import kit
 from posecast_edge.model.serve.bundle import load_bundle
@@ -22,6 +24,7 @@ from posecast_edge.sources.published.checks import (
     ModelCheck,
     ProblemList,
     StepCheck,
+    explain_stillness,
 )
 from posecast_edge.sources.published.readings import Copied, PublishedSlot
 from posecast_edge.sources.published.source import PublishedSource
@@ -129,8 +132,9 @@ def test_a_program_without_the_mesh_tools_is_told_all_that(tmp_path: Path) -> No
     )
     said = done.stdout.splitlines()
     assert {line.partition(": ")[2].partition(": ")[2] for line in said[:3]} == FINDINGS
-    assert said[3:] == ["pos of 'elbo' moves nothing: the model has no such joint"]
-    assert all(line in done.stderr for line in said), "logged too"
+    assert said[3] == "pos of 'elbo' moves nothing: the model has no such joint"
+    assert all(line in done.stderr for line in said[:4]), "logged too"
+    assert [line.partition(":")[0] for line in said[4:]] == ["no channel moves the model"]
     assert "doctor --urdf" in done.stderr
 
 
@@ -163,6 +167,96 @@ def test_a_profile_says_itself_what_moves_what(tmp_path: Path) -> None:
     slot.put(1.0, [Copied("pos", ("elbow", "M1"), [90.0, 1.0])], {}, kit.now_s())
     source.run(lambda _: source.end(), threading.Event())
     assert problems.get_counts() == {}
+
+
+# --- none of the names is a joint's
+
+SOURCES = {
+    "joints": (["elbow", "extend"], ""),
+    "one joint": (["elbow", "x"], ""),
+    "variables of a planar joint": (["rest/x"], ""),
+    "nothing": ([], ""),
+    "a prefix": (["r1/elbow", "r1/extend"], "; the names of the channels begin with 'r1/'"),
+    "a prefix and others": (
+        ["arm_elbow", "arm_extend", "grip"],
+        "; the names of the channels begin with 'arm_'",
+    ),
+    "two robots": (
+        ["r1/elbow", "r1/extend", "r2/elbow", "r2/extend"],
+        "; the names of the channels begin with 'r1/'",
+    ),
+    "a suffix": (["elbow.pos", "extend.pos"], "; the names of the channels end with '.pos'"),
+    "one suffix": (["elbow_joint"], "; the names of the channels end with '_joint'"),
+    "a model with a prefix": (["bow", "tend"], ""),
+    "other letters": (["Elbow", "Extend"], ""),
+    "units": (["elbow (deg)", "extend (deg)"], "; the names of the channels end with ' (deg)'"),
+    "numbers": ([f"joint{i}" for i in range(500)], ""),
+    "a control character": (["elbow\t"], "; the names of the channels end with '\\t'"),
+    "a long name": (["elbow" * 40], ""),
+}
+MOVING = ("joints", "one joint", "variables of a planar joint", "nothing")
+
+
+@pytest.mark.parametrize("case", SOURCES)
+def test_a_source_whose_names_move_nothing(case: str, tmp_path: Path) -> None:
+    labels, hint = SOURCES[case]
+    bundle = load_bundle(written(tmp_path / "robot", robot(*ARM)))
+    text = explain_stillness(labels, bundle.readings, [joint.name for joint in bundle.joints])
+    if case in MOVING:
+        assert text == ""
+        return
+    assert text.startswith("no channel moves the model: the source sends '")
+    assert f", the model's joints are 'elbow', 'extend'{hint}; use the same" in text
+    assert text.endswith("; use the same names, or map them in a profile's [joints]")
+    assert text.isprintable()
+    assert len(text) < 400
+
+
+def test_a_model_whose_names_have_a_prefix() -> None:
+    joints = ["panda_1", "panda_2", "panda_3"]
+    text = explain_stillness(["1", "2", "3"], set(joints), joints)
+    assert "; the names of the model's joints begin with 'panda_';" in text
+    assert explain_stillness(["a"], set(), []) == "", "a model that does not move"
+
+
+REST = "model: no channel for 'extend': at rest"
+
+
+@pytest.mark.parametrize(
+    ("labels", "profile", "lines"),
+    [
+        (["elbow", "extend", "rest/x"], "", []),
+        (["elbow", "other"], "", [REST]),
+        (["r1/elbow", "r1/extend"], "", [SOURCES["a prefix"][1]]),
+        ([], "", []),  # an IMU, for example
+        (["M1"], "[joints]\nelbow.terms = [['M1', 1.0]]\n", [REST]),
+        (["M1"], "[joints]\nelbo.terms = [['M1', 1.0]]\n", ["sends 'M1', 'elbo', the model's joints are"]),
+    ],
+)
+def test_run_says_that_nothing_moves(
+    labels: list[str], profile: str, lines: list[str], tmp_path: Path
+) -> None:
+    urdf = written(tmp_path / "robot", robot(*ARM))
+    log = tmp_path / "log.jsonl"
+    values = {"pos": dict.fromkeys(labels, 0.1)} if labels else {"acc": {"imu.x": 1.0}}
+    log.write_text("".join(json.dumps({"t": k / 100, **values}) + "\n" for k in range(3)))
+    flags = []
+    if profile:
+        toml = tmp_path / "robot.toml"
+        toml.write_text(f'[labels]\njoint = ["M1"]\n[[fields]]\nname = "pos"\n{profile}')
+        flags = [f"--profile={toml}"]
+    done = run_edge(
+        "run", "--robot=r", f"--source=jsonl:{log}", "--relay=tcp/127.0.0.1:1", f"--urdf={urdf}", *flags
+    )
+    assert done.returncode == 0, done.stderr
+    said = [line for line in done.stderr.splitlines() if "no channel" in line]
+    assert len(said) == len(lines)
+    assert all(part in line for part, line in zip(lines, said, strict=True))
+
+
+def test_many_names_are_compared_in_no_time() -> None:
+    names = [f"robot/{'x' * 150}{i}" for i in range(4096)]
+    assert explain_stillness(names, {"j"}, [f"{'x' * 150}{i}" for i in range(1000)])
 
 
 # --- the robot's time that a program gives, beside the time that passes

@@ -6,12 +6,15 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from posecast_wire.command_line.installation import name_edge_command
 
 from posecast_edge.kit import OnceLog, make_visible, quote
+from posecast_edge.model.finding import quote_names
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.sample import UNITS_OF_TIME, Reading
 
@@ -142,6 +145,40 @@ class ModelCheck:
 
     def _report_once(self, text: str) -> None:
         self._once.add(text, text)
+
+
+SHOWN = 3  # names of each side
+AFFIX_MAX = 40  # characters
+
+
+def explain_stillness(labels: Collection[str], readings: AbstractSet[str], joints: Sequence[str]) -> str:
+    """One line that says that none of the channels `labels` moves the model, and what to do; "" if one does,
+    or if there is nothing to move. `readings`: what moves the model, by the names that it may have; `joints`:
+    the model's joints."""
+    if not labels or not joints or not readings.isdisjoint(labels):
+        return ""
+    sent, known = (quote_names(list(names), SHOWN) for names in (labels, joints))
+    text = f"no channel moves the model: the source sends {sent}, the model's joints are {known}"
+    for whose, longer, shorter in (("channels", labels, joints), ("model's joints", joints, labels)):
+        if affix := _find_affix(longer, shorter):
+            text += f"; the names of the {whose} {affix}"
+            break
+    return f"{text}; use the same names, or map them in a profile's [joints]"
+
+
+def _find_affix(longer: Iterable[str], shorter: Iterable[str]) -> str:
+    """What most of the longer names have before or behind the shorter ones: `begin with 'r1/'`. "" if there
+    is nothing of the kind."""
+    known, found, count = frozenset(shorter), Counter[tuple[str, str]](), 0
+    for name in longer:
+        count += 1
+        for i in range(1, min(len(name), AFFIX_MAX)):
+            if name[i:] in known and not name[i - 1].isalnum():
+                found["begin with", name[:i]] += 1
+            if name[:-i] in known and not name[-i].isalnum():
+                found["end with", name[-i:]] += 1
+    (how, affix), most = max(found.items(), key=lambda item: item[1], default=(("", ""), 0))
+    return f"{how} {quote(affix)}" if 2 * most >= min(count, len(known)) > 0 and affix else ""
 
 
 # --- the clock
