@@ -150,6 +150,10 @@ def test_a_battery_and_none() -> None:
     gone = read_message(BATTERY, message | {"present": False}, site="left")
     assert gone.values == {"volt": {"left": None}, "amp": {"left": None}, "charge": {"left": None}}
     assert gone.info == {"battery left": "not present"}
+    volt = message["voltage"]
+    assert dict(gone.left_out) == {"present": f"voltage is {volt:.3g}, but present is false: no battery"}
+    assert not read_message(BATTERY, message | {"present": False, "voltage": 0.0}).left_out
+    assert not read_message(BATTERY, message | {"present": False, "voltage": None}).left_out
     assert read_message(BATTERY, message | {"percentage": None}).values["charge"] == {"main": None}
     assert read_message(BATTERY, message | {"percentage": 80}).values["charge"] == {"main": 80}
 

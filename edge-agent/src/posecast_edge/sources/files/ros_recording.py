@@ -160,6 +160,8 @@ class RosRecording:
                     sample = one.take(record)
                     if sample is not None:
                         yield sample
+        if text := one.explain_unread():
+            one.warn(text)
         last = one.last()
         if last is not None:
             yield last
@@ -274,15 +276,16 @@ class _Pass:
         self._decoder = decoder
         self._name = ""  # of the file
         self._bad = bad
-        self._merge = MessageMerger(profile is not None, self._warn)
-        self.frames = RobotFrames(profile, self._merge, self._warn)
+        self._merge = MessageMerger(profile is not None, self.warn)
+        self.frames = RobotFrames(profile, self._merge, self.warn)
         self._find_joints = find_joints
         self._looked_for_joints = False
         self._channels: dict[int, tuple[RecordedTopic, Route]] = {}  # those that are read
         self._descriptions: dict[int, RecordedTopic] = {}
         self._topics = topics  # topic → how it is read
+        self._types: dict[str, str] = {}  # topic → short type
         self._seen: set[int] = set()
-        self._ignored = OnceLog(self._warn, NAMED_MAX)
+        self._ignored = OnceLog(self.warn, NAMED_MAX)
         self._count: dict[str, int] = {}  # messages of a topic
         self._now_s = 0.0  # the recorder's clock
         self._delivered = False
@@ -300,6 +303,8 @@ class _Pass:
         self._seen.add(record.id)
         type_name, topic = record.type_name, record.topic[:TOPIC_MAX]
         met = topic in self._topics
+        if len(self._types) < TOPICS_MAX:
+            self._types[topic] = type_name
         route = self._routes.find_route(record.topic, type_name)
         if len(self._topics) < TOPICS_MAX:
             self._topics[topic] = f"{type_name} → {route.role}" if route else f"{type_name}, not read"
@@ -370,6 +375,10 @@ class _Pass:
         if known is not None and known[1].site == STATIC and known[1].role == "tf":
             self.take(message)
 
+    def explain_unread(self) -> str:
+        """Why there are no positions; "" if there are."""
+        return self._routes.explain_unread(self._types)
+
     def last(self) -> Sample | None:
         """The sample that was still waiting for other topics when the recording ended."""
         self.frames.explain_missing(self._now_s)
@@ -384,6 +393,7 @@ class _Pass:
         if not met:  # logged for an earlier file
             self._ignored.add(f"{topic} is ignored: {why}", topic)
 
-    def _warn(self, text: str) -> None:
+    def warn(self, text: str) -> None:
+        """Log a line, in the first pass."""
         if self._bad is not None:
             log.warning("%s: %s", self._name, text)

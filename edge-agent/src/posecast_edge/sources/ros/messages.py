@@ -251,6 +251,8 @@ def _battery(message: Any, site: str, field_name: str) -> Report:
             # the definition says 0 to 1; some drivers write percent
             gain = 1 if member == "percentage" and number is not None and number > SHARE_MOST else factor
             values[name] = {site: number * gain if present and number is not None else None}
+            if not present and name == "volt" and number:
+                left_out["present"] = f"voltage is {number:.3g}, but present is false: no battery"
     status = _optional(message, "power_supply_status")
     known = isinstance(status, int) and 0 <= status < len(BATTERY_STATES)
     word = (BATTERY_STATES[status] if known else "unknown") if present else "not present"
