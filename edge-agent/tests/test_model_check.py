@@ -15,15 +15,11 @@ from posecast_edge import kit
 from posecast_edge.model.serve.bundle import load_bundle
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
+from posecast_edge.sources.clock import BACK, BACK_A_LITTLE, STANDS, ClockCheck, StepCheck
 from posecast_edge.sources.published.checks import (
-    BACK,
-    BACK_A_LITTLE,
     ERRORS_MAX,
-    STANDS,
-    ClockCheck,
     ModelCheck,
     ProblemList,
-    StepCheck,
     explain_stillness,
 )
 from posecast_edge.sources.published.readings import Copied, PublishedSlot

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from posecast_edge import kit
 from posecast_edge.kit import quote
 from posecast_edge.pipeline.inferred_channels import TOO_MANY_FIELDS
-from posecast_edge.sources.published.checks import BACK_A_LITTLE, STANDS
+from posecast_edge.sources.clock import BACK_A_LITTLE, STANDS
 from posecast_testing import count_examples, free_port, until
 from posecast_wire.decoder import Decoder
 from posecast_wire.frame import FrameError

@@ -26,8 +26,9 @@ from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.profile.defaults import JOINT_FIELDS
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.profile.types import Profile
-from posecast_edge.sample import NOTHING, explain_time, read_time
-from posecast_edge.sources.published.checks import ProblemList, StepCheck
+from posecast_edge.sample import NOTHING
+from posecast_edge.sources.clock import StepCheck, explain_time, read_time
+from posecast_edge.sources.published.checks import ProblemList
 from posecast_edge.sources.published.readings import (
     SHOWN,
     Copied,

@@ -27,16 +27,15 @@ from typing import TYPE_CHECKING, Any
 
 from posecast_edge import kit
 from posecast_edge.kit import OnceLog, PartLog, kind_of, make_visible
-from posecast_edge.sample import (
+from posecast_edge.sample import Sample, SourceError
+from posecast_edge.sources.base import Deliver, Source, has_lists, split_lists
+from posecast_edge.sources.clock import (
     UNITS_OF_TIME,
-    Sample,
-    SourceError,
+    ClockCheck,
     explain_time,
     guess_time_unit,
     read_time,
 )
-from posecast_edge.sources.base import Deliver, Source, has_lists, split_lists
-from posecast_edge.sources.published.checks import ClockCheck
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile

@@ -32,8 +32,9 @@ from posecast_wire.command_line.installation import name_edge_command
 
 from posecast_edge.kit import PartLog, kind_of, make_visible, many
 from posecast_edge.profile.defaults import SLIDING, UNITS, WELL_KNOWN
-from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError, guess_time_unit
+from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
+from posecast_edge.sources.clock import guess_time_unit
 from posecast_edge.sources.files.playback import EndlessLine, Playback, Player, parse_playback, skip_line
 from posecast_edge.sources.merge import STREAM_S
 from posecast_edge.sources.ros.messages import SHARE_MOST, make_site_name

@@ -1,5 +1,5 @@
-"""Checks what a program publishes: against the robot's model, and its clock against this machine's. Each kind
-of problem is counted, and logged once."""
+"""Checks what a source or a program publishes against the robot's model. Each kind of problem is counted, and
+logged once."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import logging
 import math
 import threading
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from posecast_wire.command_line.installation import name_edge_command
 from posecast_edge.kit import OnceLog, make_visible, quote
 from posecast_edge.model.finding import quote_names
 from posecast_edge.model.serve.bundle import Bundle
-from posecast_edge.sample import UNITS_OF_TIME, Reading
+from posecast_edge.sample import Reading
 
 log = logging.getLogger("posecast_edge.robot")
 
@@ -179,65 +179,3 @@ def _find_affix(longer: Iterable[str], shorter: Iterable[str]) -> str:
                 found["end with", name[-i:]] += 1
     (how, affix), most = max(found.items(), key=lambda item: item[1], default=(("", ""), 0))
     return f"{how} {quote(affix)}" if 2 * most >= min(count, len(known)) > 0 and affix else ""
-
-
-# --- the clock
-
-LOOK_S = 1.0  # between two checks of the pace
-STANDS_S = 2.0  # a clock that has not moved for so long
-BACK_S = 1.0  # threads that publish with their own times may be a little apart
-BACK = "t stepped back by more than a second: does it come from another clock?"
-BACK_A_LITTLE = "t stepped back: let it run on, also from one episode to the next"
-STANDS = f"t has not changed for {STANDS_S:g} s: give the robot's clock, or leave t out"
-CALLERS_MAX = 64
-
-
-class ClockCheck:
-    """Compares the robot clock that a program passes with this machine's clock. `say` is called with a line,
-    the same for each problem of a kind, when the robot's time steps back, stands still, or seems to be in
-    another unit."""
-
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
-        self._newest: tuple[float, float] | None = None
-        self._began: tuple[float, float] | None = None
-        self._moved_s = 0.0
-
-    def check_time(self, t_s: float, now_s: float) -> None:
-        """Check one call. `t_s`: the robot's time that it passed; `now_s`: monotonic seconds."""
-        if self._newest is None or t_s != self._newest[0]:
-            self._moved_s = now_s
-        elif now_s - self._moved_s >= STANDS_S:
-            self._say(STANDS)
-        if self._newest is not None and t_s < self._newest[0] - BACK_S:
-            self._say(BACK)
-            self._began = None
-        self._newest = (t_s, now_s)
-        if self._began is None:
-            self._began = self._newest
-        passed_s = now_s - self._began[1]
-        if passed_s < LOOK_S:
-            return
-        pace = (t_s - self._began[0]) / passed_s
-        self._began = self._newest
-        for unit_s, unit in list(UNITS_OF_TIME.values())[1:]:
-            if 0.5 < pace * unit_s < 2:
-                self._say(f"t runs {1 / unit_s:,.0f} times too fast: are these {unit}?")
-
-
-class StepCheck:
-    """Finds small steps back of `t` (ClockCheck finds large ones): each thread, and each set of fields that a
-    thread publishes, may have its own clock. May be used from any thread."""
-
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
-        self._newest: dict[tuple[int, tuple[str, ...]], float] = {}
-
-    def check_step(self, fields: tuple[str, ...], t_s: float) -> None:
-        """Check the robot's time that one call passed together with these fields."""
-        caller = (threading.get_ident(), fields)
-        before_s = self._newest.get(caller)
-        if before_s is not None or len(self._newest) < CALLERS_MAX:
-            self._newest[caller] = t_s
-        if before_s is not None and before_s - BACK_S <= t_s < before_s:
-            self._say(BACK_A_LITTLE)

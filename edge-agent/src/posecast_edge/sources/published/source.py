@@ -17,7 +17,8 @@ from posecast_edge.profile.defaults import JOINT_FIELDS
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.base import Deliver
-from posecast_edge.sources.published.checks import ClockCheck, ModelCheck, ProblemList
+from posecast_edge.sources.clock import ClockCheck
+from posecast_edge.sources.published.checks import ModelCheck, ProblemList
 from posecast_edge.sources.published.readings import FLAGS, PublishedSlot, Readings, Taken
 
 LOOK_S = 0.2  # the longest sleep; the end is noticed within it
