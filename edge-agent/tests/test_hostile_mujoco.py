@@ -80,7 +80,7 @@ def test_a_model_that_is_refused_is_refused_with_the_same_words(tmp_path: Path) 
     path = model(tmp_path, mjcf("<geom size='.1'/>"))
     with pytest.raises(SourceError) as refused:
         open_source(f"mujoco:{path}", None)
-    assert str(refused.value) == f"{path}: the model has no hinge or slide joint"
+    assert str(refused.value) == f"{path}: the model has no joint that moves"
 
 
 @pytest.mark.parametrize(

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import threading
 from pathlib import Path
 
 import pytest
+from command_stage import run_edge
 from model_stage import joint, link, mesh, robot, written
 from posecast_edge import kit
 from posecast_edge.model.serve.bundle import load_bundle
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample
-from posecast_edge.sources.published.checks import BACK, ERRORS_MAX, ClockCheck, ModelCheck, ProblemList
+from posecast_edge.sources.clock import BACK, BACK_A_LITTLE, STANDS, ClockCheck, StepCheck
+from posecast_edge.sources.published.checks import (
+    ERRORS_MAX,
+    ModelCheck,
+    ProblemList,
+    explain_stillness,
+)
 from posecast_edge.sources.published.readings import Copied, PublishedSlot
 from posecast_edge.sources.published.source import PublishedSource
 
@@ -120,8 +128,9 @@ def test_a_program_without_the_mesh_tools_is_told_all_that(tmp_path: Path) -> No
     )
     said = done.stdout.splitlines()
     assert {line.partition(": ")[2].partition(": ")[2] for line in said[:3]} == FINDINGS
-    assert said[3:] == ["pos of 'elbo' moves nothing: the model has no such joint"]
-    assert all(line in done.stderr for line in said), "logged too"
+    assert said[3] == "pos of 'elbo' moves nothing: the model has no such joint"
+    assert all(line in done.stderr for line in said[:4]), "logged too"
+    assert [line.partition(":")[0] for line in said[4:]] == ["no channel moves the model"]
     assert "doctor --urdf" in done.stderr
 
 
@@ -156,12 +165,102 @@ def test_a_profile_says_itself_what_moves_what(tmp_path: Path) -> None:
     assert problems.get_counts() == {}
 
 
+# --- none of the names is a joint's
+
+SOURCES = {
+    "joints": (["elbow", "extend"], ""),
+    "one joint": (["elbow", "x"], ""),
+    "variables of a planar joint": (["rest/x"], ""),
+    "nothing": ([], ""),
+    "a prefix": (["r1/elbow", "r1/extend"], "; the names of the channels begin with 'r1/'"),
+    "a prefix and others": (
+        ["arm_elbow", "arm_extend", "grip"],
+        "; the names of the channels begin with 'arm_'",
+    ),
+    "two robots": (
+        ["r1/elbow", "r1/extend", "r2/elbow", "r2/extend"],
+        "; the names of the channels begin with 'r1/'",
+    ),
+    "a suffix": (["elbow.pos", "extend.pos"], "; the names of the channels end with '.pos'"),
+    "one suffix": (["elbow_joint"], "; the names of the channels end with '_joint'"),
+    "a model with a prefix": (["bow", "tend"], ""),
+    "other letters": (["Elbow", "Extend"], ""),
+    "units": (["elbow (deg)", "extend (deg)"], "; the names of the channels end with ' (deg)'"),
+    "numbers": ([f"joint{i}" for i in range(500)], ""),
+    "a control character": (["elbow\t"], "; the names of the channels end with '\\t'"),
+    "a long name": (["elbow" * 40], ""),
+}
+MOVING = ("joints", "one joint", "variables of a planar joint", "nothing")
+
+
+@pytest.mark.parametrize("case", SOURCES)
+def test_a_source_whose_names_move_nothing(case: str, tmp_path: Path) -> None:
+    labels, hint = SOURCES[case]
+    bundle = load_bundle(written(tmp_path / "robot", robot(*ARM)))
+    text = explain_stillness(labels, bundle.readings, [joint.name for joint in bundle.joints])
+    if case in MOVING:
+        assert text == ""
+        return
+    assert text.startswith("no channel moves the model: the source sends '")
+    assert f", the model's joints are 'elbow', 'extend'{hint}; use the same" in text
+    assert text.endswith("; use the same names, or map them in a profile's [joints]")
+    assert text.isprintable()
+    assert len(text) < 400
+
+
+def test_a_model_whose_names_have_a_prefix() -> None:
+    joints = ["panda_1", "panda_2", "panda_3"]
+    text = explain_stillness(["1", "2", "3"], set(joints), joints)
+    assert "; the names of the model's joints begin with 'panda_';" in text
+    assert explain_stillness(["a"], set(), []) == "", "a model that does not move"
+
+
+REST = "model: no channel for 'extend': at rest"
+
+
+@pytest.mark.parametrize(
+    ("labels", "profile", "lines"),
+    [
+        (["elbow", "extend", "rest/x"], "", []),
+        (["elbow", "other"], "", [REST]),
+        (["r1/elbow", "r1/extend"], "", [SOURCES["a prefix"][1]]),
+        ([], "", []),  # an IMU, for example
+        (["M1"], "[joints]\nelbow.terms = [['M1', 1.0]]\n", [REST]),
+        (["M1"], "[joints]\nelbo.terms = [['M1', 1.0]]\n", ["sends 'M1', 'elbo', the model's joints are"]),
+    ],
+)
+def test_run_says_that_nothing_moves(
+    labels: list[str], profile: str, lines: list[str], tmp_path: Path
+) -> None:
+    urdf = written(tmp_path / "robot", robot(*ARM))
+    log = tmp_path / "log.jsonl"
+    values = {"pos": dict.fromkeys(labels, 0.1)} if labels else {"acc": {"imu.x": 1.0}}
+    log.write_text("".join(json.dumps({"t": k / 100, **values}) + "\n" for k in range(3)))
+    flags = []
+    if profile:
+        toml = tmp_path / "robot.toml"
+        toml.write_text(f'[labels]\njoint = ["M1"]\n[[fields]]\nname = "pos"\n{profile}')
+        flags = [f"--profile={toml}"]
+    done = run_edge(
+        "run", "--robot=r", f"--source=jsonl:{log}", "--relay=tcp/127.0.0.1:1", f"--urdf={urdf}", *flags
+    )
+    assert done.returncode == 0, done.stderr
+    said = [line for line in done.stderr.splitlines() if "no channel" in line]
+    assert len(said) == len(lines)
+    assert all(part in line for part, line in zip(lines, said, strict=True))
+
+
+def test_many_names_are_compared_in_no_time() -> None:
+    names = [f"robot/{'x' * 150}{i}" for i in range(4096)]
+    assert explain_stillness(names, {"j"}, [f"{'x' * 150}{i}" for i in range(1000)])
+
+
 # --- the robot's time that a program gives, beside the time that passes
 
 
 def told(times: list[tuple[float, float]]) -> dict[str, int]:
     problems = ProblemList()
-    check = ClockCheck(problems)
+    check = ClockCheck(problems.add)
     for t_s, now_s in times:
         check.check_time(t_s, now_s)
     return problems.get_counts()
@@ -172,7 +271,7 @@ def told(times: list[tuple[float, float]]) -> dict[str, int]:
     [
         (1.0, {}),
         (20.0, {}),  # a replay
-        (0.0, {}),
+        (0.0, {STANDS: 9}),
         (1000.0, {"t runs 1,000 times too fast: are these milliseconds?": 3}),
         (1e6, {"t runs 1,000,000 times too fast: are these microseconds?": 3}),
         (1e9, {"t runs 1,000,000,000 times too fast: are these nanoseconds?": 3}),
@@ -184,3 +283,35 @@ def test_the_unit_shows_in_the_pace(pace: float, said: dict[str, int]) -> None:
 
 def test_a_clock_that_steps_back_is_told_and_counts_anew() -> None:
     assert told([(10.0, 0.0), (9.5, 0.1), (3.0, 0.2), (3.1, 0.3), (1000.0, 0.4), (1.0, 0.5)]) == {BACK: 2}
+
+
+@pytest.mark.parametrize("length", [0.1, 0.3, 0.5, 0.9, 1.0, 1.5])
+@pytest.mark.parametrize("hz", [10, 200])
+def test_short_episodes_step_back(length: float, hz: int) -> None:
+    """Each episode of a simulation begins at 0. A program that publishes at two places has two clocks."""
+    problems = ProblemList()
+    clock, steps = ClockCheck(problems.add), StepCheck(problems.add)
+    per_episode = round(length * hz)
+    for k in range(5 * per_episode):
+        t_s = k % per_episode / hz
+        clock.check_time(t_s, k / hz)
+        steps.check_step(("pos",), t_s)
+        steps.check_step(("acc", "gyro"), 100 + k / hz - 0.01)
+    said = {text: count for text, count in problems.get_counts().items() if text != STANDS}
+    assert said == ({} if per_episode < 2 else {BACK if (per_episode - 1) / hz > 1 else BACK_A_LITTLE: 4})
+
+
+def test_threads_have_clocks_of_their_own() -> None:
+    problems = ProblemList()
+    steps = StepCheck(problems.add)
+    steps.check_step(("pos",), 10.0)
+
+    def publish() -> None:
+        for k in range(9):
+            steps.check_step(("pos",), 9.5 + k / 100)
+
+    other = threading.Thread(target=publish)
+    other.start()
+    other.join()
+    steps.check_step(("pos",), 10.01)
+    assert problems.get_counts() == {}

@@ -45,7 +45,7 @@ READS = re.compile(r"(?:decode|feed|fit|load|parse|read|unpack|validate)(?:_|$)"
 ELSEWHERE = {
     "cli.flags.parse_folders": "a flag",
     "cli.flags.parse_xacro_argument": "a flag: test_xacro.py",
-    "sample.read_time": "a value that JSON has been parsed into, or of a Python program: test_jsonl.py",
+    "sources.clock.read_time": "a value of JSON, or of a Python program: test_jsonl.py",
     "sources.demo.read_motion": "a file of our own",
     "sources.mujoco.model.load_simulation": "test_hostile_mujoco.py: MuJoCo reads",
     "model.mjcf.reader.load_mjcf": "test_hostile_mjcf.py: MuJoCo reads, in a process of its own",

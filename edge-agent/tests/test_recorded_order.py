@@ -316,8 +316,8 @@ def test_a_topic_of_joint_states_with_another_name_is_named(
     said = [("/measured", *one[1:]) for one in arm_and_gripper(False)]
     assert samples(write_mcap(tmp_path / "a.mcap", said)) == []
     assert caplog.messages == [
-        f"{tmp_path}/a.mcap: /measured has joint states, but is not called joint_states; "
-        "to read it, set [ros] pos = '/measured' in a profile"
+        f"{tmp_path}/a.mcap: no topic is called joint_states, but /measured has joint states; "
+        'to read it, in a profile: [ros] pos = ["/measured"]'
     ]
 
 

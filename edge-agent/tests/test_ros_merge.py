@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -170,36 +172,164 @@ def test_time_that_stands_still_is_silence_and_noticed() -> None:
     assert robot.merge.stands_since_s is None
 
 
-def test_a_clock_steps_back_once_when_a_simulation_begins_anew() -> None:
-    clock = RobotClock()
-    assert clock.advance(50.0, 0.0)
-    assert not clock.advance(1.0, 0.1)
-    assert clock.advance(1.1, HOLD_S)
-    assert clock.advance(1.2, HOLD_S + 0.01)
-    assert clock.t_s == 1.2
+def run_clock(
+    messages: Iterable[tuple[float, str, float | None]],
+) -> tuple[list[tuple[float, float]], list[str]]:
+    """Robot time after each message that advanced it, with its arrival, and what was said. `messages`:
+    arrival, publisher, stamp."""
+    said: list[str] = []
+    clock = RobotClock(said.append)
+    times = [
+        (now_s, clock.t_s)
+        for now_s, publisher, stamp_s in messages
+        if clock.advance((f"/{publisher}", "j", 1), stamp_s, now_s)
+    ]
+    return times, said
 
 
-def test_two_computers_whose_clocks_differ_do_not_make_time_flap() -> None:
-    clock = RobotClock()
-    times = []
-    for k in range(100):
-        now_s = k / 100
-        clock.advance(1000 + now_s, now_s)
-        times.append(clock.t_s)
-        clock.advance(995 + now_s, now_s)  # five seconds behind
-        clock.advance(None, now_s)  # and one without a clock
-        times.append(clock.t_s)
-    assert times == sorted(times)
-    assert times[-1] == pytest.approx(1000.99)
+def publish(
+    name: str, hz: float, stamp: Callable[[float], float | None], seconds: float = 12.0, began_s: float = 0.0
+) -> list[tuple[float, str, float | None]]:
+    """Messages that one publisher sends: `stamp` makes the timestamp of the time that has passed."""
+    return [(began_s + k / hz, name, stamp(began_s + k / hz)) for k in range(round((seconds - began_s) * hz))]
+
+
+WALL, SIM = 1_795_874_494.0, 12.0
+OTHER_CLOCKS: dict[str, Callable[[float], float | None]] = {
+    "wall": lambda t: WALL + t,
+    "simulated": lambda t: SIM + t,
+    "slow": lambda t: SIM + t / 3,
+    "in a loop": lambda t: 100 + t % 3,
+    "of another computer": lambda t: WALL - 5 + t,
+    "none": lambda _: None,
+    "standing": lambda _: 7.0,
+}
+
+
+@pytest.mark.parametrize("hz", [0.5, 1.0, 5.0, 15.0])
+@pytest.mark.parametrize("other", OTHER_CLOCKS)
+@pytest.mark.parametrize("late", [False, True])
+def test_two_clocks_never_mix(other: str, hz: float, late: bool) -> None:
+    """An arm at 50 Hz has simulated time. A gripper with another clock speaks first, or later."""
+    arm = publish("arm", 50, lambda t: SIM + t, began_s=0.0 if late else 0.1)
+    gripper = publish("gripper", hz, OTHER_CLOCKS[other], began_s=2.0 if late else 0.0)
+    times, said = run_clock(sorted(arm + gripper))
+    steps = [(a, b) for a, b in pairwise(times) if not 0 < b[1] - a[1] < 1]
+    assert len(steps) <= (0 if late else 1), "at most one change of the clock, at the start"
+    after = [(now_s, t_s) for now_s, t_s in times if now_s >= 2]
+    apart = {now_s - t_s for now_s, t_s in after}
+    assert max(apart) - min(apart) < 0.1, "robot time is the arm's"
+    assert len(after) > 450, "it goes on at 50 Hz"
+    if other in ("wall", "of another computer"):
+        assert len(said) == 1
+        assert said[0].startswith("two clocks: the timestamps of /gripper ('j') are ")
+        assert said[0].endswith("those of /arm ('j'), which are used; is use_sim_time the same for both?")
+    elif other == "none":
+        assert said == []
+
+
+@pytest.mark.parametrize("hz", [5.0, 20.0, 50.0])
+@pytest.mark.parametrize("loop_s", [0.4, 2.0, 3.0, 60.0])
+@pytest.mark.parametrize("joint_publishers", [1, 2])
+def test_a_loop_does_not_stand_still(hz: float, loop_s: float, joint_publishers: int) -> None:
+    messages = sorted(
+        message
+        for k in range(joint_publishers)
+        for message in publish(f"p{k}", hz, lambda t: 100 + t % loop_s, began_s=k * 0.004, seconds=130)
+    )
+    times, said = run_clock(messages)
+    assert (
+        max(b - a for (a, _), (b, _) in pairwise(times)) < max(2.5 / hz, HOLD_S + 1 / hz) + 0.02
+        if loop_s * hz < 3
+        else 2.5 / hz + 0.02
+    )
+    assert said == []
+
+
+STRAYS = [
+    (3600.0, 1),
+    (-3600.0, 1),
+    (5.0, 1),
+    (-5.0, 1),
+    (-0.001, 1),
+    (1e9, 1),
+    (-11.0, 1),
+    (0.0, 1),
+    (30.0, 1),
+    (-1.0, 1),
+]
+
+
+@pytest.mark.parametrize(("by_s", "count"), STRAYS)
+def test_a_stray_timestamp_costs_one_message(by_s: float, count: int) -> None:
+    stamps = [SIM + k / 20 + (by_s if k == 30 else 0.0) for k in range(100)]
+    times, _ = run_clock((k / 20, "arm", stamp) for k, stamp in enumerate(stamps))
+    assert [t for _, t in times] == sorted(t for _, t in times)
+    assert len(times) >= 99
+
+
+@pytest.mark.parametrize("by_s", [-3600.0, -49.0, -1.0, -0.2, 5.0, 3600.0, WALL])
+@pytest.mark.parametrize("hz", [0.2, 1.0, 20.0, 1000.0])
+def test_a_clock_that_is_set_is_followed_from_the_second_message_on(hz: float, by_s: float) -> None:
+    count = 40
+    stamps = [5000 + k / hz + (by_s if k >= count // 2 else 0.0) for k in range(count)]
+    times, said = run_clock((k / hz, "arm", stamp) for k, stamp in enumerate(stamps))
+    assert len(times) >= count - 1
+    assert times[-1][1] == pytest.approx(stamps[-1])
+    assert said == []
+
+
+def test_a_publisher_that_dies_hands_on_its_lead() -> None:
+    """The one that stays has another clock; or the same one, and nothing is said."""
+    for ahead_s, lines in ((WALL, 1), (SIM, 0)):
+
+        def stamp(t: float, ahead_s: float = ahead_s) -> float:
+            return ahead_s + t
+
+        arm = publish("arm", 50, lambda t: SIM + t, seconds=5)
+        times, said = run_clock(sorted(arm + publish("gripper", 5, stamp)))
+        assert times[-1][1] == pytest.approx(stamp(times[-1][0]))
+        assert len([t for t, _ in times if t > 5]) > 30
+        assert len(said) == lines
+
+
+@pytest.mark.parametrize("hz", [0.1, 0.3, 0.7, 1.0, 10.0])
+@pytest.mark.parametrize("other_hz", [0.1, 0.3, 0.7, 1.0, 10.0])
+def test_two_slow_clocks_do_not_alternate(hz: float, other_hz: float) -> None:
+    messages = publish("arm", hz, lambda t: SIM + t, 100) + publish(
+        "gripper", other_hz, lambda t: WALL + t, 100, 0.3
+    )
+    times, said = run_clock(sorted(messages))
+    assert len([b for a, b in pairwise(times) if not -1 < b[1] - a[1] < 20]) <= 1
+    assert len(times) > 0.8 * 100 * max(hz, other_hz) / 2
+    assert len(said) == 1
+
+
+def test_publishers_of_clocks_without_end_do_not_fill_the_memory() -> None:
+    clock = RobotClock(lambda _: None)
+    for k in range(3 * PUBLISHERS_MAX):
+        clock.advance(("/t", f"j{k}", 1), k / 100, k / 100)
+    assert len(clock._publishers) == PUBLISHERS_MAX
+    assert clock.t_s == (3 * PUBLISHERS_MAX - 1) / 100
+
+
+def test_two_nodes_with_the_same_joints_and_other_clocks_do_not_make_time_flap() -> None:
+    for hz, other_hz in ((100, 100), (100, 10), (10, 100)):
+        messages = sorted(
+            publish("arm", hz, lambda t: 1000 + t)
+            + publish("arm", other_hz, lambda t: 995 + t, began_s=0.003)
+            + publish("arm", 10, lambda _: None, began_s=0.005)
+        )
+        times, _ = run_clock(messages)
+        back = [(a, b) for (_, a), (_, b) in pairwise(times) if b < a]
+        assert len(back) <= 1
+        assert len(times) > 100
 
 
 def test_without_stamps_time_is_that_of_arrival() -> None:
-    clock = RobotClock()
-    assert clock.advance(None, 7.0)
-    assert clock.advance(None, 7.1)
-    assert clock.t_s == 7.1
-    assert clock.advance(3.0, 7.1 + HOLD_S)  # now somebody has a clock
-    assert clock.t_s == 3.0
+    times, said = run_clock([(7.0, "arm", None), (7.1, "arm", None), (7.1 + HOLD_S, "arm", 3.0)])
+    assert [t for _, t in times] == [7.0, 7.1, 3.0]  # now somebody has a clock
+    assert said == []
 
 
 def test_texts_without_end_do_not_fill_the_memory() -> None:

@@ -150,6 +150,10 @@ def test_a_battery_and_none() -> None:
     gone = read_message(BATTERY, message | {"present": False}, site="left")
     assert gone.values == {"volt": {"left": None}, "amp": {"left": None}, "charge": {"left": None}}
     assert gone.info == {"battery left": "not present"}
+    assert dict(gone.remarks) == {"present": "present is false, so no readings of the battery are shown"}
+    empty = {"present": False, "current": 0.0, "percentage": 0.0}
+    assert not read_message(BATTERY, message | empty | {"voltage": 0.0}).remarks
+    assert not read_message(BATTERY, message | empty | {"voltage": None}).remarks
     assert read_message(BATTERY, message | {"percentage": None}).values["charge"] == {"main": None}
     assert read_message(BATTERY, message | {"percentage": 80}).values["charge"] == {"main": 80}
 

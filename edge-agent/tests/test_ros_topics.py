@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from posecast_edge.profile.reader import ROLES, ProfileError, parse_profile
+from posecast_edge.profile.types import RosTopics
 from posecast_edge.sources.ros.messages import (
     BATTERY,
     CONTROLLER_STATE,
@@ -167,3 +168,35 @@ def test_a_wrong_table_names_its_line(line: str, words: str) -> None:
 
 def test_every_role_a_profile_may_name_has_types_that_serve_it() -> None:
     assert set(TYPES_OF_ROLE) == {*ROLES, "tf"}
+
+
+STATES, IMAGES = "sensor_msgs/JointState", "sensor_msgs/Image"
+
+
+@pytest.mark.parametrize(
+    ("topics", "named"),
+    [
+        ({"/xarm/joint_state_measured": STATES}, "/xarm/joint_state_measured"),
+        ({"/measured_js": STATES, "/other_js": STATES}, "/measured_js"),
+        ({"/joints": STATES, "/image": IMAGES}, "/joints"),
+        ({"/image": IMAGES, "/arm/state": STATES, "/imu": "sensor_msgs/Imu"}, "/arm/state"),
+        ({"/joint_commands": STATES, "/measured_js": STATES}, "/measured_js"),
+        ({"/desired": STATES, "/joint_commands": STATES}, ""),
+        ({"/joint_states": STATES, "/measured_js": STATES}, ""),
+        ({"/a/joint_state": STATES, "/measured_js": STATES}, ""),
+        ({"/image": IMAGES}, ""),
+        ({}, ""),
+    ],
+)
+@pytest.mark.parametrize("given", ["none", "pos", "imu"])
+def test_joint_states_under_another_name_are_named(topics: dict[str, str], named: str, given: str) -> None:
+    """Unless a profile says what positions are."""
+    chosen = {"none": None, "pos": RosTopics({"pos": ()}), "imu": RosTopics({"imu": (("/imu", "a"),)})}[given]
+    text = Routes(chosen).explain_unread(topics)
+    if not named or given == "pos":
+        assert text == ""
+    else:
+        assert text == (
+            f"no topic is called joint_states, but {named} has joint states; "
+            f'to read it, in a profile: [ros] pos = ["{named}"]'
+        )

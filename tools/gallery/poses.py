@@ -41,13 +41,15 @@ class Worst:
 def compare_with_mujoco(manifest: Manifest, path: Path, seed: int) -> Worst:
     """Compare a body built from MJCF with MuJoCo's kinematics."""
     import mujoco  # noqa: PLC0415 - it may not be installed
-    from posecast_edge.model.mjcf.compiler import name_joint  # noqa: PLC0415 - the same
+    from posecast_edge.model.mjcf.bodies import find_soft_bodies  # noqa: PLC0415 - the same
+    from posecast_edge.model.mjcf.compiler import name_joints  # noqa: PLC0415 - the same
 
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     bodies = {model.body(i).name or f"body{i}": i for i in range(model.nbody)}
     compared = {name: bodies[name] for name in manifest["links"] if name in bodies}
     root = bodies[manifest["links"][0]]
+    names = name_joints(model, find_soft_bodies(model), model.nu > 0)
     chance = np.random.default_rng(seed)
     worst = Worst()
     for _ in range(CONFIGURATIONS):
@@ -55,7 +57,7 @@ def compare_with_mujoco(manifest: Manifest, path: Path, seed: int) -> Worst:
         readings: dict[str, float] = {}
         for i in range(model.njnt):
             kind, start = int(model.jnt_type[i]), int(model.jnt_qposadr[i])
-            name = name_joint(model, i, model.nu > 0)
+            name = names[i]
             if kind in (MUJOCO_SLIDE, MUJOCO_HINGE):
                 most = math.pi if kind == MUJOCO_HINGE else SLIDE_M
                 readings[name] = data.qpos[start] = chance.uniform(-most, most)

@@ -16,18 +16,22 @@ from typing import Protocol
 
 from posecast_wire.credential import Credential
 from posecast_wire.keys import Snapshot
+from posecast_wire.schema import JOINT
 
 from posecast_edge import kit
-from posecast_edge.kit import ExceptionLog, PartLog, make_visible, quote
+from posecast_edge.kit import ExceptionLog, OnceLog, PartLog, make_visible, quote
+from posecast_edge.model.finding import quote_names
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
 from posecast_edge.pipeline.inferred_channels import InferredChannels
 from posecast_edge.pipeline.intake import Backlog, TextGuard
 from posecast_edge.pipeline.stream import Stream
 from posecast_edge.pipeline.view_pipeline import ViewPipeline
+from posecast_edge.profile.schema import POSITIONS
 from posecast_edge.profile.types import PUBLIC, Profile, find_unknown_feet
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Source, Troubled
+from posecast_edge.sources.published.checks import explain_stillness
 from posecast_edge.uplink.credentials import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
@@ -37,6 +41,8 @@ log = logging.getLogger("posecast_edge")
 NAP_S = 0.2  # the longest sleep; a signal is noticed within it
 STOP_S = 0.7
 AGAIN_S = (0.5, 10.0)  # first and longest pause before a source that raised unexpectedly is restarted
+NAMED_MAX = 4  # joints without a channel
+COMPARE_S = 3.0  # from the newest channels or model until these are compared
 WELL_S = 60.0  # a run that lasted this long resets the pause
 
 
@@ -77,8 +83,9 @@ class Agent:
         progress_line: ProgressLine,
         say_left_out: Callable[[str], None] = log.warning,
     ) -> None:
-        """`say_left_out` is called with a line for each name that can't become a channel; only without a
-        profile. Raises posecast_wire.SchemaError when the wire format can't carry the profile."""
+        """`say_left_out` is called with a line for each name that can't become a channel, only without a
+        profile; and with a line if no channel moves the model. Raises posecast_wire.SchemaError when the wire
+        format can't carry the profile."""
         self._settings = settings
         self._source = source
         self._progress_line = progress_line
@@ -87,6 +94,10 @@ class Agent:
         self._channels = None if profile else InferredChannels(settings.robot, say_left_out)
         self._model: str | None = None
         self._lacking_feet: dict[str, str] = {}  # as last logged
+        self._still = OnceLog(say_left_out)
+        self._shown: Bundle | None = None  # the model, which may still be built
+        self._compared: tuple[Profile | None, Bundle | None] = (None, None)
+        self._compare_s: float | None = None  # when to compare the profile's channels with the model
         self.exceptions = ExceptionLog()
         self._useless = PartLog(log.warning, "useless samples")
         self._guard = TextGuard(log.warning)
@@ -119,6 +130,7 @@ class Agent:
         """Take the joints and links of a model that is still being built. Without a profile, they set the
         units of sliding joints: m, m/s and N. With one, logs a line that names feet missing from the model.
         May be called from any thread, also before `run`."""
+        self._shown = bundle
         if self._channels is not None:
             self._channels.sliding = bundle.sliding
         lacking = {} if self._profile is None else find_unknown_feet(self._profile.mapping, bundle.links)
@@ -170,6 +182,7 @@ class Agent:
             for pipeline in self._pipelines:
                 self._send(pipeline)  # the last sample
             log.log(logging.ERROR if self._failure else logging.INFO, "%s", self._failure or "source ended")
+        self._compare_names(math.inf)
         for pipeline in self._pipelines:
             pipeline.end()  # before the link closes: the source may still deliver samples
         self._publisher.stop(STOP_S)
@@ -191,8 +204,30 @@ class Agent:
     def _chores(self, now_s: float) -> None:
         for pipeline in self._pipelines:
             self._look_for_silence(pipeline, now_s)
+        self._compare_names(now_s)
         if self._progress_line.is_due(now_s):
             self._progress_line.show_progress(self._progress(now_s), now_s)
+
+    def _compare_names(self, now_s: float) -> None:
+        """Say which joints of the model get no reading, once these and the channels have been known for a
+        while: channels may come one after the other."""
+        profile, shown, stream = self._profile, self._shown, self._pipelines[0].stream
+        if profile is None or shown is None or stream is None or not stream.started:
+            return
+        if (profile, shown) != self._compared:
+            self._compared, self._compare_s = (profile, shown), now_s + COMPARE_S
+        if self._compare_s is None or now_s < self._compare_s:
+            return
+        self._compare_s = None
+        fields = [f for name in POSITIONS if (f := profile.find_field(name)) and f.label_set == JOINT]
+        labels = dict.fromkeys(label for f in fields for label in f.labels) | dict.fromkeys(
+            profile.mapping.joints
+        )
+        joints = [joint.name for joint in shown.joints]
+        if text := explain_stillness(labels.keys(), shown.readings, joints):
+            self._still.add(text, text)
+        elif still := [name for name in joints if name not in labels] if labels else []:
+            log.info("model: no channel for %s: at rest", quote_names(still, NAMED_MAX))
 
     def _look_for_silence(self, pipeline: ViewPipeline, now_s: float) -> None:
         try:

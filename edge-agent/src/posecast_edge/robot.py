@@ -26,7 +26,8 @@ from posecast_edge.model.urdf.resolver import list_package_folders
 from posecast_edge.profile.defaults import JOINT_FIELDS
 from posecast_edge.profile.reader import find_profile, load_profile
 from posecast_edge.profile.types import Profile
-from posecast_edge.sample import NOTHING, explain_time, read_time
+from posecast_edge.sample import NOTHING
+from posecast_edge.sources.clock import StepCheck, explain_time, read_time
 from posecast_edge.sources.published.checks import ProblemList
 from posecast_edge.sources.published.readings import (
     SHOWN,
@@ -132,6 +133,7 @@ class Robot:
         built, raw = _load_model(urdf, model)
 
         self._problems = ProblemList()
+        self._steps = StepCheck(self._problems.add)
         self._slot = PublishedSlot()
         source = PublishedSource(self._slot, own, found, self._problems)
         settings = AgentSettings(name, endpoint, checked_hz, KEY_INTERVAL_S, secret)
@@ -238,10 +240,7 @@ class Robot:
             if others:
                 self._copy_others(others, copies)
             texts = NOTHING if info is None else self._copy_info(info)
-            t_s = now_s if t is None else read_time(t)
-            if t_s is None:
-                self._problems.add(explain_time(t, quote(t, SHOWN)), "t")
-                t_s = now_s
+            t_s = now_s if t is None else self._read_time(t, copies, now_s)
             if copies or texts:
                 self._slot.put(t_s, copies, texts, now_s)
         except Exception as e:  # the program may control a robot: never let an exception reach it
@@ -269,6 +268,18 @@ class Robot:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    def _read_time(self, t: object, copies: Sequence[Copied], now_s: float) -> float:
+        """The robot's time, seconds; what is wrong with it is reported."""
+        t_s = read_time(t)
+        if t_s is None or t_s != t:
+            remark = explain_time(t, lambda t: quote(t, SHOWN))
+            if remark:
+                self._problems.add(remark, "t" if t_s is None else "unit of t")
+        if t_s is None:
+            return now_s
+        self._steps.check_step(tuple(copied.name for copied in copies), t_s)
+        return t_s
 
     def _is_sent(self, name: str) -> bool:
         """Whether the robot may have this field. If not, that is reported, and nothing about its values."""

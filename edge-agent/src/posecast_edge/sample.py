@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
@@ -14,8 +13,6 @@ Values = Sequence[Reading] | Mapping[str, Reading]
 
 TIME_MAX_S = 1e12  # robot time: beyond it a double loses the milliseconds
 WORDS = (str, bytes, bytearray, bool)  # float() accepts them, but they are not meant as numbers
-# the time since 1970 in these units is less than that
-SINCE_1970_BELOW = {"milliseconds": 1e14, "microseconds": 1e17, "nanoseconds": 1e20}
 
 
 class SourceError(Exception):
@@ -46,21 +43,3 @@ class Sample(NamedTuple):
     links: Mapping[str, str] = NOTHING
     newest: bool = True
     sliding: frozenset[str] = frozenset()
-
-
-def read_time(t: object) -> float | None:
-    """The robot time that a program gave as `t`, in seconds; None if it is no time: then the time of arrival
-    counts (see `explain_time`)."""
-    try:
-        t_s = math.nan if isinstance(t, WORDS) else float(t)  # type: ignore[arg-type]
-    except Exception:  # a foreign __float__ may raise anything
-        return None
-    return t_s if abs(t_s) < TIME_MAX_S else None
-
-
-def explain_time(t: object, shown: str) -> str:
-    """Say that `t` is no time. `shown`: `t` as a text."""
-    hint = ""
-    if isinstance(t, (int, float)) and t >= TIME_MAX_S:
-        hint = next((f": is it in {unit}?" for unit, most in SINCE_1970_BELOW.items() if t < most), "")
-    return f"t is {shown}, not a number of seconds{hint}; the time of arrival counts"

@@ -37,6 +37,7 @@ const DISPLAYS: Readonly<Record<string, Omit<Display, 'factor'>>> = {
   degC: { unit: '°C', decimals: 1 },
   '°C': { unit: '°C', decimals: 1 },
   '%': { unit: '%', decimals: 0 },
+  1: { unit: '', decimals: 3 },
 };
 
 /** How a quantity in `unit` is shown. `scale` (value of one code) decides for units this page does not know. */

@@ -80,3 +80,14 @@ export class JointChannels {
     if (gain > (this.#channelOf.get(joint)?.gain ?? 0)) this.#channelOf.set(joint, { channel, gain });
   }
 }
+
+/** The names of the robot's positions if none of them moves any of these joints of a model; null if one does, or if there is
+ *  nothing to compare. A planar or floating joint has several readings, with its name before the last slash. */
+export function listUnmoving(schema: Schema, joints: readonly string[]): readonly string[] | null {
+  const fields = ['pos', 'ref'].filter((name) => schema.field(name) !== null);
+  const sent = [...new Set(fields.flatMap((name) => new JointMapping(schema, name).joints))];
+  if (sent.length === 0 || joints.length === 0) return null;
+  const known = new Set(joints);
+  const moves = (name: string) => known.has(name) || known.has(name.replace(/\/[^/]*$/, ''));
+  return sent.some(moves) ? null : sent;
+}

@@ -12,6 +12,7 @@ describe('numbers', () => {
     expect(shown(120.04, 'N')).toBe('\u2007120.0');
     expect(shown(38, 'C')).toBe('\u200738.0');
     expect(shown(1.239, 'A')).toBe('\u20071.24');
+    expect(displayOf('1', 'deg')).toEqual({ unit: '', decimals: 3, factor: 1 }); // a part of a quaternion
   });
 
   it('keep the sign in a column of its own, with a true minus', () => {

@@ -1,5 +1,6 @@
+import { parseSchema } from '@posecast/wire';
 import { expect, it } from 'vitest';
-import { JointChannels, KinematicTree } from '../../src/twin/kinematic_tree.ts';
+import { JointChannels, KinematicTree, listUnmoving } from '../../src/twin/kinematic_tree.ts';
 import { schemaWith } from '../rigs/schema.ts';
 
 const TREE = new KinematicTree([
@@ -63,4 +64,32 @@ it('finds the joints of a channel and the channel of a joint, couplings included
     null,
   ]);
   expect(channels.channelOf('__proto__')).toBe('__proto__');
+});
+
+const robot = (field: string, labels: readonly string[], mapping: object = {}) =>
+  parseSchema(
+    JSON.stringify({
+      ...{ type: 'schema', v: 1, robot: 'r', labels: { joint: labels }, mapping },
+      fields: [{ name: field, labels: 'joint', unit: 'rad', scale: 0.001 }],
+    }),
+  );
+
+it.each([
+  ['of the joints', 'pos', ['hip', 'knee'], {}, true],
+  ['of one joint', 'pos', ['arm', 'knee'], {}, true],
+  ['commands', 'ref', ['knee'], {}, true],
+  ['with a prefix', 'pos', ['r1/hip', 'r1/knee'], {}, false],
+  ['with a suffix', 'pos', ['hip_joint', 'knee_joint'], {}, false],
+  ['in other letters', 'pos', ['Hip', 'KNEE'], {}, false],
+  ['of others', 'pos', ['elbow'], {}, false],
+  ['mapped by a profile', 'pos', ['M1'], { joints: { hip: { terms: [['M1', 1]], offset: 0 } } }, true],
+  ['mapped to others', 'pos', ['M1'], { joints: { elbow: { terms: [['M1', 1]], offset: 0 } } }, false],
+  ['of a floating joint', 'pos', ['knee/trans_x', 'knee/rot_w'], {}, true],
+  ['of another floating joint', 'pos', ['cube/trans_x'], {}, false],
+  ['of no position', 'temp', ['motor'], {}, true],
+] as const)('finds out whether readings %s move the model', (_, field, labels, mapping, moves) => {
+  const unmoving = listUnmoving(robot(field, labels, mapping), ['hip', 'knee']);
+  expect(unmoving === null).toBe(moves);
+  if (unmoving !== null) expect(labels.every((label) => unmoving.includes(label))).toBe(true);
+  expect(listUnmoving(robot(field, labels, mapping), []), 'a model that does not move').toBeNull();
 });

@@ -1,6 +1,6 @@
 import { MISSING, parseSchema } from '@posecast/wire';
 import { describe, expect, it } from 'vitest';
-import { unreadWords } from '../../src/app/robot/BodyNotes.tsx';
+import { unmovedWords, unreadWords } from '../../src/app/robot/BodyNotes.tsx';
 import { LastReadings, LostReadings } from '../../src/twin/sensors/last_readings.ts';
 import { codesWith, SCHEMA, stateAt } from '../rigs/schema.ts';
 
@@ -57,5 +57,11 @@ it('says so in one short line', () => {
   expect(unreadWords(['RKN'])).toBe('No reading of RKN: shown in its last known position.');
   expect(unreadWords(['A', 'B', 'C', 'D', 'E', 'F'])).toBe(
     'No reading of A, B, C, D and 2 more: shown in their last known positions.',
+  );
+});
+
+it('names a few readings that move nothing, and a few joints', () => {
+  expect(unmovedWords(['r1/a'], ['a', 'b', 'c', 'd'])).toBe(
+    'No reading moves this body: the robot reports r1/a, the joints of its model are a, b, c, ….',
   );
 });

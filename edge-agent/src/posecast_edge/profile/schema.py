@@ -31,6 +31,11 @@ from posecast_edge.sample import Reading, Sample, SourceError, Values
 
 FLAGS, DIAG = "flags", "diag"
 MASKS = range(1 << BITS_MAX)
+POSITIONS = ("ref", "pos")
+# ends of the names of a floating joint's readings
+TRANSLATION = tuple(f"/trans_{c}" for c in "xyz")
+ROTATION = tuple(f"/rot_{c}" for c in "xyzw")
+NO_UNIT = "1"
 MASK_BITS = {f"bit{i}": 1 << i for i in range(BITS_MAX)}  # the bits of a mask have no names of their own
 
 
@@ -149,23 +154,25 @@ def infer_profile(robot: str, sample: Sample, sliding: Collection[str] = ()) -> 
 def mark_sliding(profile: Profile, sliding: Collection[str]) -> Profile:
     """The profile with metres, m/s and N for the joints in `sliding`, in finer steps than angles need.
 
-    A field has one step for all channels, so it gets the finer one; its angles keep their coarser step as a
-    multiple of it.
+    So also for the translation of floating joints; the quaternion of these has no unit. A field has one step
+    for all channels, so it gets the finer one; its angles keep their coarser step as a multiple of it.
     """
     fields: list[FieldSpec] = []
     units = {name: dict(labels) for name, labels in profile.mapping.units.items()}
     for f in profile.fields:
         slide = SLIDING.get(f.name)
-        found = [label for label in f.labels if label in sliding]
-        if slide is None or f.label_set != JOINT or not found:
+        found = [label for label in f.labels if label in sliding or label.endswith(TRANSLATION)]
+        turns = [label for label in f.labels if f.name in POSITIONS and label.endswith(ROTATION)]
+        if slide is None or f.label_set != JOINT or not (found or turns):
             fields.append(f)
             continue
         if len(found) == len(f.labels):
             fields.append(replace(f, unit=slide.unit, scale=slide.scale))
             continue
-        units.setdefault(f.name, {}).update(dict.fromkeys(found, slide.unit))
+        own = dict.fromkeys(found, slide.unit) | dict.fromkeys(turns, NO_UNIT)
+        units.setdefault(f.name, {}).update(own)
         stride = max(1, round(f.scale / slide.scale))
-        strides = {label: stride for label in f.labels if label not in found} if stride > 1 else {}
+        strides = {label: stride for label in f.labels if label not in own} if stride > 1 else {}
         fields.append(replace(f, scale=min(f.scale, slide.scale), strides={**f.strides, **strides}))
     return replace(profile, fields=tuple(fields), mapping=replace(profile.mapping, units=units))
 

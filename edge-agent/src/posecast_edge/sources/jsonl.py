@@ -2,21 +2,24 @@
 
     {"t": 12.3, "pos": {"RKN": 0.5}, "cur": [0.1, 0.2], "flags": {"RKN": ["jam"]}, "info": {"mode": "x"}}
 
-`jsonl` reads stdin, `jsonl:PATH` a file or FIFO (`lines.py` says how). `t` is the robot's clock in seconds;
-the default is the arrival time on the monotonic clock. Of a line with an invalid value or text, the rest is
-used. If a name is repeated in one object, its last value counts.
+`jsonl` reads stdin, `jsonl:PATH` a file or FIFO (`lines.py` says how). `t` is the robot's clock in seconds,
+or in smaller units if its size shows that, or the steps of a file; the default is the arrival time on the
+monotonic clock. Of a line with an invalid value or text, the rest is used. If a name is repeated in one
+object, its last value counts.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from posecast_edge.kit import make_visible
-from posecast_edge.sample import Sample, explain_time, read_time
+from posecast_edge.sample import Sample
 from posecast_edge.sources.base import Source, has_lists, split_lists
-from posecast_edge.sources.lines import LineError, open_lines
+from posecast_edge.sources.clock import explain_time, read_time
+from posecast_edge.sources.lines import UNIT, LineError, open_lines
 
 if TYPE_CHECKING:
     from posecast_edge.profile.types import Profile
@@ -30,18 +33,31 @@ NAME_SHOWN = VALUE_SHOWN = 40  # characters, in a message
 def open_source(address: str, profile: Profile | None) -> Source:
     """Open stdin ("") or a path. Raises SourceError when the path can't be opened."""
     del profile  # labels are matched later, for samples of every source
-    return open_lines("jsonl", address, parse_line)
+    return open_lines("jsonl", address, parse_line, _find_time)
 
 
-def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, dict[str, str]]:
+def _find_time(line: bytes) -> float:
+    """The `t` of a line, in its unit; NaN if it has none (see `ReadTime`)."""
+    try:
+        return float(_object(line)["t"])
+    except (LineError, KeyError, TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def parse_line(
+    line: bytes, arrival_s: float, where: str = "", unit: str = "s"
+) -> tuple[Sample, dict[str, str]]:
     """Parse a line (see `ParseLine`). NaN and Infinity are "no reading"."""
     value = _object(line)
     wrong: dict[str, str] = {}
-    t = value.pop("t", arrival_s)
-    t_s = read_time(t)
-    if t_s is None:
-        wrong["t"] = explain_time(t, _json(t))
-        t_s = arrival_s
+    remark, t_s = "", arrival_s
+    if "t" in value:
+        t = value.pop("t")
+        found_s = read_time(t, unit)
+        if found_s is None:
+            wrong["t"] = explain_time(t, _json)
+        else:
+            t_s, remark = found_s, explain_time(t, _json) if unit == "s" else ""
     info = _info(value.pop("info", {}), wrong)
     value = {name: values for name, values in value.items() if values is not None}  # null: no reading
     fields = {name: values for name, values in value.items() if isinstance(values, (list, dict))}
@@ -59,6 +75,8 @@ def parse_line(line: bytes, arrival_s: float, where: str = "") -> tuple[Sample, 
     if not fields and not info:
         parts = wrong if wrong.keys() - {"t"} else {**wrong, "": "no field"}
         raise LineError(next(iter(parts.values())), parts)
+    if remark:
+        wrong[UNIT] = remark
     return Sample(t_s, fields, info, where), wrong
 
 

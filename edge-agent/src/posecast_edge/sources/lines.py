@@ -14,27 +14,34 @@ import select
 import stat
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from posecast_edge import kit
-from posecast_edge.kit import PartLog, kind_of
+from posecast_edge.kit import OnceLog, PartLog, kind_of
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver
+from posecast_edge.sources.clock import UNITS_OF_TIME, ClockCheck, guess_time_unit
 
 MAX_LINE = 1 << 20  # bytes; 4096 channels in full precision, with their names, are 200 kB
 TOO_LARGE = "robot's samples are too large"  # shown to viewers
 TROUBLE_S = 10.0  # for this long after the last such line
 MAX_READ = 64 * 1024  # a full pipe
 MAX_PAUSE_S = 10.0  # between two lines of a file; a longer gap is skipped
+CLOCK_LINES = 200  # of a file, from which the unit of its clock is guessed
 POLL_S = 0.1
 QUIET_S = 0.005
 STALL_S = 0.25  # after this long without reading, the next data may be old
 BACKLOG_S = 0.5  # a writer ahead of its reader for this long is always ahead
 
-# Parses a line, given its time of arrival (kit.now_s) and where it was read ("stdin line 7"), into a sample
-# and complaints about parts that were left out: the part, which is the same each time, → the text. Raises
+UNIT = "unit of t"  # a part of a line that is said, not left out
+
+# Parses a line, given its time of arrival (kit.now_s), where it was read ("stdin line 7") and the unit of its
+# clock (see `UNITS_OF_TIME`), into a sample and complaints about parts that were left out: the part, which is
+# the same each time, → the text. UNIT is no such part: its text says that the time is in another unit. Raises
 # LineError when there is no sample at all.
-ParseLine = Callable[[bytes, float, str], tuple[Sample, Mapping[str, str]]]
+ParseLine = Callable[[bytes, float, str, str], tuple[Sample, Mapping[str, str]]]
+# The time in a line, as it is written; NaN if there is none.
+ReadTime = Callable[[bytes], float]
 
 
 class LineError(ValueError):
@@ -46,14 +53,14 @@ class LineError(ValueError):
         self.parts = parts or {kind_of(reason): reason}
 
 
-def open_lines(kind: str, address: str, parse: ParseLine) -> LineSource:
+def open_lines(kind: str, address: str, parse: ParseLine, read_time: ReadTime) -> LineSource:
     """Open stdin ("") or a path. Raises SourceError when the path can't be opened."""
     if not address:
-        return LineSource(kind, sys.stdin.fileno(), "stdin", parse)
+        return LineSource(kind, sys.stdin.fileno(), "stdin", parse, read_time)
     try:
         # opened for writing too, a FIFO does not end when its writer ends
         flags = os.O_RDWR if stat.S_ISFIFO(os.stat(address).st_mode) else os.O_RDONLY
-        return LineSource(kind, os.open(address, flags), address, parse)
+        return LineSource(kind, os.open(address, flags), address, parse, read_time)
     except OSError as e:
         raise SourceError(f"{address}: {e.strerror or e}") from None
 
@@ -61,15 +68,20 @@ def open_lines(kind: str, address: str, parse: ParseLine) -> LineSource:
 class LineSource:
     """Reads lines from a file descriptor."""
 
-    def __init__(self, kind: str, fd: int, name: str, parse: ParseLine) -> None:
+    def __init__(self, kind: str, fd: int, name: str, parse: ParseLine, read_time: ReadTime) -> None:
         self.description = f"{kind} {name}"
         self._parse = parse
+        self._read_time = read_time
         self._fd = fd
         self._name = name
         self._paced = stat.S_ISREG(os.fstat(fd).st_mode)
         self._started = False
         self._start_s = 0.0  # kit.now_s() when the file's clock was 0
-        self._bad = PartLog(logging.getLogger(f"posecast_edge.{kind}").warning, "bad lines")
+        log = logging.getLogger(f"posecast_edge.{kind}")
+        self._bad = PartLog(log.warning, "bad lines")
+        self._unit = ""  # of a file's clock, once it is known
+        self._clock = OnceLog(lambda text: log.warning("%s: %s", name, text))
+        self._check = ClockCheck(self._clock.add)
         self._lines = LineSplitter(MAX_LINE)
         self._too_large_s = -math.inf  # when a line was too large
         self._number = 0  # of the newest line
@@ -88,7 +100,10 @@ class LineSource:
         chunk: bytes | None = None
         while not stop.is_set() and chunk != b"":
             chunk = self._read()
-            for line in self._lines.flush() if chunk == b"" else self._lines.feed(chunk or b""):
+            lines = list(self._lines.flush() if chunk == b"" else self._lines.feed(chunk or b""))
+            if self._paced and not self._unit and lines:
+                self._guess_unit(lines)
+            for line in lines:
                 self._number += 1
                 self._take(line, deliver, stop)
                 if stop.is_set():
@@ -105,13 +120,18 @@ class LineSource:
             if len(line) > MAX_LINE:
                 self._too_large_s = now_s
                 raise LineError(f"longer than {MAX_LINE} bytes; it is dropped")
-            sample, wrong = self._parse(line, now_s, where)
+            sample, wrong = self._parse(line, now_s, where, self._unit or "s")
         except LineError as e:
             for part, text in e.parts.items():
                 self._bad.add(part, f"{where}: {text}")
             return
         for part, text in wrong.items():
-            self._bad.add(part, f"{where}: {text}")
+            if part == UNIT:
+                self._clock.add(text, UNIT)
+            else:
+                self._bad.add(part, f"{where}: {text}")
+        if not self._paced:
+            self._check.check_time(sample.t_s, now_s)
         if self._waiting is not None:
             self._deliver_waiting(deliver, newest=False)
         if self._paced:
@@ -119,6 +139,13 @@ class LineSource:
             deliver(sample)
         else:
             self._waiting = sample
+
+    def _guess_unit(self, lines: Sequence[bytes]) -> None:
+        """Find the unit of a file's clock from its first lines, as for tables."""
+        times = [t for line in lines[:CLOCK_LINES] if not math.isnan(t := self._read_time(line))]
+        self._unit, why = guess_time_unit(times, "lines")
+        if why:
+            self._clock.add(f"t is read as {UNITS_OF_TIME[self._unit][1]}, because {why}", UNIT)
 
     def _deliver_waiting(self, deliver: Deliver, newest: bool) -> None:
         sample, self._waiting = self._waiting, None

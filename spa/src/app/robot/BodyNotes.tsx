@@ -1,6 +1,7 @@
 import '../shell/styles/tools.css';
 import { useMemo } from 'react';
 import type { ModelReport } from '../../model/report.ts';
+import { listUnmoving } from '../../twin/kinematic_tree.ts';
 import { isolated } from '../../twin/names.ts';
 import { LostReadings } from '../../twin/sensors/last_readings.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
@@ -28,6 +29,14 @@ function viewWords(trouble: keyof typeof VIEW_WORDS): string {
 /** Says that these joints have no reading and are shown at their last known position. Names at most four. */
 export function unreadWords(joints: readonly string[]): string {
   return more().noReadingOf(joints.slice(0, 4).map(isolated), Math.max(0, joints.length - 4));
+}
+
+/** Names the readings and the joints of a model that no reading moves, at most three of each. */
+export function unmovedWords(channels: readonly string[], joints: readonly string[]): string {
+  const [sent, known] = [channels, joints].map(
+    (names) => names.slice(0, 3).map(isolated).join(', ') + (names.length > 3 ? ', …' : ''),
+  );
+  return more().unmoved(sent!, known!);
 }
 
 /** Says that meshes could not be loaded. `missing`: their URIs, of which at most four are named; `all`: how many meshes the model
@@ -70,6 +79,7 @@ export function BodyNotes(props: {
       <div className="stage-views">
         {trouble !== null && <ViewNote trouble={trouble} choose={choose} />}
         <Unread link={link} />
+        {report !== null && <Unmoved link={link} joints={report.joints} />}
         <BalanceLine link={link} />
       </div>
       {report !== null && <ModelFindings findings={report.findings} />}
@@ -86,6 +96,13 @@ function Unread({ link }: { link: RobotLink }) {
     return state === null ? [] : (lost?.update(state.codes) ?? []);
   });
   return joints.length === 0 ? null : <p data-testid="unread-note">{unreadWords(joints)}</p>;
+}
+
+/** Says that the robot's readings and the joints of its model have different names. */
+function Unmoved({ link, joints }: { link: RobotLink; joints: readonly string[] }) {
+  const { schema } = link.twin;
+  const channels = useMemo(() => (schema === null ? null : listUnmoving(schema, joints)), [schema, joints]);
+  return channels === null ? null : <p data-testid="unmoved-note">{unmovedWords(channels, joints)}</p>;
 }
 
 function noteOf({ bare, missing }: ModelReport): string | null {

@@ -112,6 +112,8 @@ export const moreEn = {
     `No reading of ${joints.join(', ')}${more > 0 ? ` and ${more} more` : ''}: shown in ${
       joints.length === 1 ? 'its last known position' : 'their last known positions'
     }.`,
+  unmoved: (channels: string, joints: string) =>
+    `No reading moves this body: the robot reports ${channels}, the joints of its model are ${joints}.`,
   missing: (missing: number, all: number | null, names: string) => {
     const one = missing === 1;
     if (all === null) return `${missing} ${one ? 'mesh is' : 'meshes are'} missing: ${names}.`;

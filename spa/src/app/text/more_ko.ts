@@ -50,6 +50,8 @@ export const moreKo: More = {
   viewGivenUp: '이 브라우저에서 3D가 자꾸 멈춥니다. 간단한 화면으로 보여 줍니다.',
   noReadingOf: (joints, more) =>
     `${joints.join(', ')}${more > 0 ? ` 외 ${more}개` : ''}의 측정값이 없어 마지막으로 알려진 위치에 그렸습니다.`,
+  unmoved: (channels, joints) =>
+    `이 몸을 움직이는 측정값이 없습니다. 로봇이 알리는 이름은 ${channels}이고, 모델의 관절은 ${joints}입니다.`,
   missing: (missing, all, names) =>
     all === null
       ? `메시 ${missing}개가 없습니다: ${names}.`

@@ -22,6 +22,8 @@ from posecast_edge.model.urdf.types import UNBOUNDED, ZERO, Joint, Limit, Mimic,
 
 FREE, BALL, SLIDE, HINGE = range(4)  # mjtJoint
 JOINT_EQUALITY = 2  # mjtEq
+TO_JOINT, TO_JOINT_IN_PARENT, TO_CRANK, TO_TENDON, TO_SITE, TO_BODY = range(6)  # mjtTrn
+WRAPS_JOINT, WRAPS_SITE = 1, 3  # mjtWrap
 WHOLE = (1.0, 0.0, 0.0, 0.0)
 SMALL = 1e-9  # m or rad: nothing
 
@@ -38,22 +40,82 @@ class BodyTree:
     findings: tuple[Finding, ...]
 
 
-def find_base_joint(parents: Sequence[int], kinds: Sequence[int], bodies: Sequence[int]) -> int | None:
-    """The free joint by which the robot moves in the world; None for a fixed robot. `parents`: of the bodies;
-    `kinds`, `bodies`: of the joints. The robot is the tree with the most joints, not a free cube beside an
-    arm."""
-    top = list(range(len(parents)))
+def find_soft_bodies(model: Any) -> list[int]:
+    """Which bodies of a mjModel are only vertices of its soft parts (flex): 1 for each of these. They show
+    nothing, nothing drives them, and they do no more than slide."""
+    if not model.nflex:
+        return [0] * int(model.nbody)
+    soft = np.zeros(model.nbody, np.uint8)
+    vertices = np.concatenate([model.flex_vertbodyid.reshape(-1), model.flex_nodebodyid.reshape(-1)])
+    soft[vertices[vertices > 0]] = 1
+    turning = model.jnt_bodyid[model.jnt_type != SLIDE]
+    for rigid in (model.geom_bodyid, model.site_bodyid, turning, find_driven_bodies(model)):
+        soft[rigid] = 0
+    for body in range(model.nbody - 1, 0, -1):  # children come after their parents
+        if not soft[body]:
+            soft[model.body_parentid[body]] = 0
+    found: list[int] = soft.tolist()
+    return found
+
+
+def find_driven_bodies(model: Any) -> list[int]:
+    """The bodies of a mjModel on which its actuators act, directly, at a joint or a site, or by a tendon."""
+    found: set[int] = set()
+    for kind, one in zip(model.actuator_trntype.tolist(), model.actuator_trnid[:, 0].tolist(), strict=True):
+        if kind in (TO_JOINT, TO_JOINT_IN_PARENT):
+            found.add(int(model.jnt_bodyid[one]))
+        elif kind in (TO_SITE, TO_CRANK):
+            found.add(int(model.site_bodyid[one]))
+        elif kind == TO_BODY:
+            found.add(one)
+        elif kind == TO_TENDON:
+            first = int(model.tendon_adr[one])
+            for i in range(first, first + int(model.tendon_num[one])):
+                if model.wrap_type[i] in (WRAPS_JOINT, WRAPS_SITE):
+                    joint = model.wrap_type[i] == WRAPS_JOINT
+                    found.add(int((model.jnt_bodyid if joint else model.site_bodyid)[model.wrap_objid[i]]))
+    return sorted(found)
+
+
+def find_trees(parents: Sequence[int]) -> list[int]:
+    """For each body, the first of its tree, which hangs on the world; 0 for the world. `parents`: of the
+    bodies."""
+    top = [0] * len(parents)
     for body in range(1, len(parents)):  # parents come before their children
         top[body] = body if parents[body] == 0 else top[parents[body]]
+    return top
+
+
+def find_base_joint(
+    parents: Sequence[int],
+    kinds: Sequence[int],
+    bodies: Sequence[int],
+    soft: Sequence[int],
+    driven: Sequence[int],
+) -> int | None:
+    """The free joint by which the robot moves in the world; None for a fixed robot. `parents`: of the bodies;
+    `kinds`, `bodies`: of the joints; `soft`: 1 for each body that is a vertex of a soft part; `driven`: the
+    bodies on which actuators act.
+
+    The robot is the tree with actuators, else that with the most joints; of two with as many, the one
+    that moves freely. A free body without other joints, such as a cube, is it only if nothing else moves.
+    """
+    top = find_trees(parents)
     counts: dict[int, int] = {}
     free: dict[int, int] = {}
     for number, (kind, body) in enumerate(zip(kinds, bodies, strict=True)):
-        counts[top[body]] = counts.get(top[body], 0) + (kind != FREE)
-        if kind == FREE:
-            free[body] = number
+        if not soft[body]:
+            counts[top[body]] = counts.get(top[body], 0) + 1
+            if kind == FREE:
+                free[body] = number
     if not counts:
         return None
-    return free.get(max(counts, key=lambda body: counts[body]))
+    actuated = {top[body] for body in driven}
+
+    def rank(tree: int) -> tuple[bool, bool, int, bool]:
+        return tree in actuated, tree not in free or counts[tree] > 1, counts[tree], tree in free
+
+    return free.get(max(counts, key=rank))
 
 
 def build_body_tree(model: CompiledModel) -> BodyTree:
@@ -65,6 +127,7 @@ class _Builder:
     def __init__(self, model: CompiledModel) -> None:
         self._model = model
         self._parents = [int(p) for p in model["body_parentid"]]
+        self._soft = model["body_soft"].tolist()
         self._kinds = [int(k) for k in model["jnt_type"]]
         self._joint_names = model.names["joint"]
         self._taken_links = set(model.names["body"])
@@ -79,12 +142,16 @@ class _Builder:
         self._findings: list[Finding] = []
 
     def build(self) -> BodyTree:
-        base = find_base_joint(self._parents, self._kinds, self._model["jnt_bodyid"].tolist())
+        driven = np.flatnonzero(self._model["body_driven"]).tolist()
+        bodies = self._model["jnt_bodyid"].tolist()
+        base = find_base_joint(self._parents, self._kinds, bodies, self._soft, driven)
         root = 0 if base is None else int(self._model["jnt_bodyid"][base])
         mocap = self._model["body_mocapid"]
         left_out, marks = [], []
         for body, parent in enumerate(self._parents):
             name = self._model.names["body"][body]
+            if self._soft[body]:
+                continue
             if body == root:
                 self._links[body] = name
             elif mocap[body] >= 0:

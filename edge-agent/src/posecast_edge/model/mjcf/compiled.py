@@ -20,6 +20,8 @@ TYPES = {"float64": 8, "float32": 4, "int32": 4, "uint8": 1}  # bytes of a numbe
 # Named as in MuJoCo's mjModel: kind of number, and how many of them a row has (1: it is no row).
 FIELDS = {
     **dict.fromkeys(("body_parentid", "body_mocapid"), ("int32", 1)),
+    # not MuJoCo's: whether it is a vertex of a soft part, whether an actuator acts on it
+    **dict.fromkeys(("body_soft", "body_driven"), ("uint8", 1)),
     "body_pos": ("float64", 3),
     "body_quat": ("float64", 4),
     "body_mass": ("float64", 1),  # below 0: it follows from a mesh that was taken out
@@ -89,8 +91,8 @@ def write_model(model: CompiledModel, out: IO[bytes]) -> None:
         "remarks": model.remarks,
     }
     out.write(json.dumps(head).encode() + b"\n")
-    for name, values in model.arrays.items():
-        out.write(np.ascontiguousarray(values, np.dtype(FIELDS[name][0])).data)
+    for name, (kind, _) in FIELDS.items():
+        out.write(np.ascontiguousarray(model.arrays[name], np.dtype(kind)).data)
     out.flush()
 
 

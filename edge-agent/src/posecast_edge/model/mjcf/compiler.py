@@ -23,6 +23,7 @@ from posecast_edge.model.mjcf.assets import (
     list_guessed_bodies,
     take_assets,
 )
+from posecast_edge.model.mjcf.bodies import find_driven_bodies, find_soft_bodies
 from posecast_edge.model.mjcf.child import ANSWER_MAX, REFUSED, limit_child, open_no_file
 from posecast_edge.model.mjcf.compiled import FIELDS, CompiledModel, write_model
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
@@ -105,7 +106,10 @@ def compile_model(path: Path, packages: Sequence[Path]) -> CompiledModel:
 
 
 def _extract(spec: Any, model: Any, files: ModelFiles, taken: TakenAssets) -> CompiledModel:
-    arrays = {name: np.asarray(getattr(model, name)) for name in FIELDS}
+    soft, driven = find_soft_bodies(model), np.zeros(model.nbody, np.uint8)
+    driven[find_driven_bodies(model)] = 1
+    arrays = {"body_soft": np.array(soft, np.uint8), "body_driven": driven}
+    arrays |= {name: np.asarray(getattr(model, name)) for name in FIELDS if name not in arrays}
     arrays |= _put_back(model, taken)
     arrays["body_mass"] = np.array(model.body_mass)
     arrays["body_mass"][list_guessed_bodies(spec, taken.boxes)] = -1
@@ -113,10 +117,9 @@ def _extract(spec: Any, model: Any, files: ModelFiles, taken: TakenAssets) -> Co
         arrays[name] = arrays[name].reshape((-1, width) if width > 1 else (-1,))
     if sum(values.nbytes for values in arrays.values()) > ANSWER_MAX - (32 << 20):
         raise ModelRefused(f"compiled it is over {ANSWER_MAX >> 20} MiB")
-    actuated = model.nu > 0
     names = {
         "body": [model.body(i).name or f"body{i}" for i in range(model.nbody)],
-        "joint": [name_joint(model, i, actuated) for i in range(model.njnt)],
+        "joint": name_joints(model, soft, model.nu > 0),
         "mesh": [model.mesh(i).name or f"mesh{i}" for i in range(model.nmesh)],
         "site": [model.site(i).name or f"site{i}" for i in range(model.nsite)],
     }
@@ -197,10 +200,17 @@ def _lines(elements: Any, count: int) -> list[int]:
     return lines
 
 
-def name_joint(model: Any, i: int, actuated: bool) -> str:
-    """What joint `i` is called, here and by the source `mujoco`, which gives servos, and for these names, to
-    a model without actuators."""
-    return str(model.joint(i).name) or (f"joint{i}" if actuated else f"unnamed joint {i}")
+def name_joints(model: Any, soft: Sequence[int], actuated: bool) -> list[str]:
+    """What the joints are called, here and by the source `mujoco`, which gives servos, and for these names,
+    to a model without actuators. `soft`: see find_soft_bodies; the joints of these bodies are not numbered.
+    """
+    names: list[str] = []
+    number = 0
+    for i, body in enumerate(model.jnt_bodyid.tolist()):
+        own = str(model.joint(i).name) or (f"joint{number}" if actuated else f"unnamed joint {number}")
+        names.append("" if soft[body] else own)
+        number += not soft[body]
+    return names
 
 
 def main(arguments: Sequence[str]) -> int:

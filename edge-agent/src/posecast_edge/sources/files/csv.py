@@ -34,6 +34,7 @@ from posecast_edge.kit import PartLog, kind_of, make_visible, many
 from posecast_edge.profile.defaults import SLIDING, UNITS, WELL_KNOWN
 from posecast_edge.sample import TIME_MAX_S, Reading, Sample, SourceError
 from posecast_edge.sources.base import Source
+from posecast_edge.sources.clock import guess_time_unit
 from posecast_edge.sources.files.playback import EndlessLine, Playback, Player, parse_playback, skip_line
 from posecast_edge.sources.merge import STREAM_S
 from posecast_edge.sources.ros.messages import SHARE_MOST, make_site_name
@@ -779,10 +780,6 @@ ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?\s?(?:(Z)|([+-])(\d\d):?(\d\d))?"
 )
 NUMBER = re.compile(r"[-+]?\d{1,30}(?:[.,]\d{0,30})?(?:[eE][-+]?\d{1,3})?")
-# time since 1970 is larger than this: in 1973 for seconds
-SINCE_1970 = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
-NO_TIME = 1e20  # three thousand years in nanoseconds
-STEPS = (("ns", 5e6), ("us", 5e3), ("ms", 5.0))  # from one row to the next, in that unit; a second is 1000 ms
 
 
 @dataclass(frozen=True)
@@ -834,7 +831,8 @@ def find_clock(names: Sequence[str], rows: Sequence[Sequence[str]]) -> TableCloc
             unit = split[2] if split else found[1] if pattern in (CLOCK, OTHER_CLOCK) else None
             if unit or name.startswith("%"):
                 return TableClock(i, unit.lower() if unit else "ns")
-            return TableClock(i, *_guess_unit(cells))
+            numbers = [float(cell.replace(",", ".")) for cell in cells if NUMBER.fullmatch(cell)]
+            return TableClock(i, *guess_time_unit(numbers, "rows"))
     return None
 
 
@@ -848,20 +846,6 @@ def _find_two_columns(names: Sequence[str]) -> TableClock | None:
         if other is not None:
             return TableClock(i, "s", nanos=other)
     return None
-
-
-def _guess_unit(cells: Sequence[str]) -> tuple[str, str]:
-    """The unit, and the reason for it; "" for seconds, the default."""
-    numbers = (float(cell.replace(",", ".")) for cell in cells if NUMBER.fullmatch(cell))
-    times = [number for number in numbers if abs(number) < NO_TIME]
-    for unit, least in SINCE_1970:
-        if times and min(map(abs, times)) >= least:
-            return unit, f"it starts at {times[0]:.4g}"
-    steps = sorted(b - a for a, b in itertools.pairwise(times) if b > a)
-    for unit, least in STEPS:
-        if len(steps) > 1 and steps[len(steps) // 2] >= least:
-            return unit, f"its rows are {steps[len(steps) // 2]:.4g} apart"
-    return "s", ""
 
 
 def parse_iso_time(cell: str) -> float | None:

@@ -41,7 +41,6 @@ from posecast_edge.sources.ros.input import TOPICS_MAX
 from posecast_edge.sources.ros.merge import STREAMS, MessageMerger
 from posecast_edge.sources.ros.messages import (
     DESCRIPTION_MAX,
-    JOINT_STATE,
     STRING,
     TF,
     Report,
@@ -347,6 +346,7 @@ class _Pass:
         ] = {}  # by file and topic: those read
         self._descriptions: dict[tuple[int, int], RecordedTopic] = {}
         self._topics = topics  # topic → how it is read
+        self._types: dict[str, str] = {}  # topic → short type
         self._ignored = OnceLog(self._warn, NAMED_MAX)
         self._count: dict[str, int] = {}  # messages of a topic
         # channels that begin soon, without readings, and links of their sites
@@ -364,7 +364,8 @@ class _Pass:
                     self._learn(len(files), topic)
                 files.append(file)
                 self._names.append(str(path))
-        self._hint_at_states()
+        if text := self._routes.explain_unread(self._types):
+            self._warn(text)
         wanted = [
             {topic for number, topic in (*self._channels, *self._descriptions) if number == i}
             for i in range(len(files))
@@ -377,17 +378,6 @@ class _Pass:
         elif spans:
             self.began_ns = min(spans)[0]
         return merge_files(files, wanted, find_ns, lambda i, text: self._complain_of(self._names[i], text))
-
-    def _hint_at_states(self) -> None:
-        """Name a topic of joint states that is not read because of its name, if no other is."""
-        roles = {route.role for _, route in self._channels.values()}
-        unread = f"{JOINT_STATE}, not read"
-        topic = next((topic for topic, use in self._topics.items() if use == unread), None)
-        if topic is not None and roles.isdisjoint(("pos", "ref")):
-            self._warn(
-                f"{topic} has joint states, but is not called joint_states; "
-                f"to read it, set [ros] pos = {topic!r} in a profile"
-            )
 
     def _find_ns(self, log_ns: int, topic: RecordedTopic, data: bytes) -> int:
         """The timestamp in a message, for a recording whose clock always showed `log_ns`."""
@@ -404,6 +394,8 @@ class _Pass:
         """Take a topic of a file."""
         type_name, topic = record.type_name, record.topic[:TOPIC_MAX]
         met = topic in self._topics
+        if len(self._types) < TOPICS_MAX:
+            self._types[topic] = type_name
         route = self._routes.find_route(record.topic, type_name)
         if len(self._topics) < TOPICS_MAX:
             self._topics[topic] = f"{type_name} → {route.role}" if route else f"{type_name}, not read"
@@ -523,6 +515,7 @@ class _Pass:
             self._ignored.add(f"{topic} is ignored: {why}", topic)
 
     def _warn(self, text: str) -> None:
+        """Log a line, in the first pass."""
         if self._bad is not None:
             log.warning("%s: %s", self._name, text)
 

@@ -7,20 +7,29 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import mujoco
+import numpy as np
 
 from posecast_edge.kit import SAY_EVERY_S, RateLimitedLog
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.mjcf.assets import FAILURES
-from posecast_edge.model.mjcf.bodies import find_base_joint
+from posecast_edge.model.mjcf.bodies import (
+    BALL,
+    FREE,
+    find_base_joint,
+    find_driven_bodies,
+    find_soft_bodies,
+    find_trees,
+)
 from posecast_edge.model.mjcf.child import open_no_file
-from posecast_edge.model.mjcf.compiler import explain_failure, make_spec
+from posecast_edge.model.mjcf.compiler import explain_failure, make_spec, name_joints
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
 from posecast_edge.model.urdf.resolver import list_package_folders, read_bounded
@@ -42,6 +51,9 @@ FORCE_LEAST = 1e-6  # N or N·m: anything less counts as no force
 SWING = 0.45  # of a joint's range, at most
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 SWING_MOST = {HINGE: 0.5, SLIDE: 0.05}  # rad, m
+# what a floating joint's readings are called; a quaternion in MuJoCo's order
+TRANS = tuple(f"trans_{c}" for c in "xyz")
+ROT = tuple(f"rot_{c}" for c in "wxyz")
 
 # kind of sensor → field, names of its values
 SENSORS = {
@@ -89,20 +101,28 @@ def load_simulation(path: Path) -> Simulation:
         refused = e if isinstance(e, ModelRefused) else explain_failure(e, files)
         line = "" if refused.line is None else f":{refused.line}"
         raise SourceError(f"{path}{line}: {refused.reason}") from None
-    if not simulation.joints:
-        raise SourceError(f"{path}: the model has no hinge or slide joint")
+    if not simulation.moves:
+        raise SourceError(f"{path}: the model has no joint that moves")
     return simulation
 
 
 def _simulate(spec: Any, vfs: Any, path: Path) -> Simulation:
+    warnings.filterwarnings("ignore", "flex '")  # MuJoCo's doubts about a soft part, which is not shown
     if not STEP_S[0] <= spec.option.timestep <= STEP_S[1]:
         least_s, most_s = STEP_S
         raise SourceError(
             f"{path}: the timestep is {spec.option.timestep:g} s; it must be {least_s:g} to {most_s:g}"
         )
+    model = spec.compile(vfs)
+    soft = find_soft_bodies(model)
+    parents, kinds, bodies = (
+        getattr(model, name).tolist() for name in ("body_parentid", "jnt_type", "jnt_bodyid")
+    )
+    base = find_base_joint(parents, kinds, bodies, soft, find_driven_bodies(model))  # before there are servos
     if not spec.actuators:
-        _add_servos(spec, vfs)
-    return Simulation(spec.compile(vfs))
+        _add_servos(spec, model, soft)
+        model = spec.compile(vfs)
+    return Simulation(model, soft, base)
 
 
 def strip_visuals(urdf: bytes) -> str:
@@ -132,24 +152,28 @@ def _follow(spec: Any, urdf: Urdf) -> None:
             tie.data[:5] = [joint.mimic.offset, joint.mimic.multiplier, 0, 0, 0]
 
 
-def _add_servos(spec: Any, vfs: Any) -> None:
-    """Add a position servo to each joint that follows no other, strong enough for the load. Gravity is
-    compensated separately."""
-    for number, joint in enumerate(spec.joints):
-        if not joint.name:
-            joint.name = f"unnamed joint {number}"
-    model = spec.compile(vfs)
+def _add_servos(spec: Any, model: Any, soft: Sequence[int]) -> None:
+    """Add a position servo to each joint that follows no other, strong enough for the load. For what does not
+    move freely, gravity is compensated separately. `model`: the compiled spec; `soft`: see
+    find_soft_bodies."""
+    names = name_joints(model, soft, actuated=False)
+    rigid = [joint for joint in spec.joints if names[joint.id]]
+    for joint in rigid:
+        joint.name = names[joint.id]
     tied = {tie.name1 for tie in spec.equalities if tie.type == mujoco.mjtEq.mjEQ_JOINT}
     omega = 2 * math.pi * SERVO_HZ
     spec.option.integrator = (
         mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     )  # keeps stiff servos on light fingers stable
+    tops = find_trees(model.body_parentid.tolist())
+    free = {tops[body] for body in model.jnt_bodyid[model.jnt_type == FREE].tolist()}
     for body in spec.bodies:
-        body.gravcomp = 1.0
-    for joint in spec.joints:
+        if tops[body.id] not in free and not soft[body.id]:
+            body.gravcomp = 1.0
+    for joint in rigid:
         if int(joint.type) not in SWING_MOST or joint.name in tied:
             continue
-        carried = float(model.dof_M0[model.joint(joint.name).dofadr[0]])
+        carried = float(model.dof_M0[model.jnt_dofadr[joint.id]])
         joint.armature = float(joint.armature) + ROTOR * carried
         inertia = (1 + ROTOR) * carried
         stiffness, damping = inertia * omega**2, 2 * inertia * omega
@@ -175,16 +199,23 @@ class Servo:
 class Simulation:
     """One model and its current state. Not thread-safe."""
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: Any, soft: Sequence[int], base: int | None) -> None:
+        """`soft`: see find_soft_bodies; `base`: see find_base_joint."""
         self._model = model
         self._data = mujoco.MjData(model)
-        self.joints = {
-            _name(model, "joint", i): i for i in range(model.njnt) if int(model.jnt_type[i]) in SWING_MOST
+        names = name_joints(model, soft, actuated=True)
+        kinds = model.jnt_type.tolist()
+        self.joints = {name: i for i, name in enumerate(names) if name and kinds[i] in SWING_MOST}
+        self._free = base
+        tops = find_trees(model.body_parentid.tolist())
+        shown = None if base is None else tops[int(model.jnt_bodyid[base])]  # nothing beside a free robot
+        self._floating = {
+            name: i
+            for i, name in enumerate(names)
+            if name and kinds[i] in (FREE, BALL) and i != base
+            if shown in (None, tops[int(model.jnt_bodyid[i])])
         }
-        self._sliding = frozenset(name for name, i in self.joints.items() if int(model.jnt_type[i]) == SLIDE)
-        self._free = find_base_joint(
-            model.body_parentid.tolist(), model.jnt_type.tolist(), model.jnt_bodyid.tolist()
-        )
+        self._sliding = frozenset(name for name, i in self.joints.items() if kinds[i] == SLIDE)
         self._sensors = list(_sensors(model))
         self._unstable = RateLimitedLog(log.warning, "times", SAY_EVERY_S)
         self._resets_s = 0.0  # simulated time before a reset
@@ -193,6 +224,11 @@ class Simulation:
         self._programme = self._keyframes if self._has_programme() else self._one_by_one
         self._programme(0.0)
         mujoco.mj_forward(model, self._data)
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has joints."""
+        return bool(self.joints or self._floating) or self._free is not None
 
     @property
     def t_s(self) -> float:
@@ -233,10 +269,13 @@ class Simulation:
             position[name] = float(data.qpos[model.jnt_qposadr[i]])
             speed[name] = float(data.qvel[model.jnt_dofadr[i]])
             force[name] = float(data.qfrc_actuator[model.jnt_dofadr[i]])
+        for name, i in self._floating.items():
+            position |= self._read_floating(name, i)
         values: dict[str, dict[str, Reading]] = {}
         if self.servos:
             values["ref"] = {s.joint: float(data.ctrl[s.actuator]) / s.gear for s in self.servos}
-        values |= {"pos": position, "vel": speed, "effort": force}
+        known = {"pos": position, "vel": speed, "effort": force}
+        values |= {name: readings for name, readings in known.items() if readings}
         if self._free is not None:
             start = model.jnt_qposadr[self._free]
             values["base"] = _labelled("base", "xyz", data.qpos[start : start + 3])
@@ -246,6 +285,19 @@ class Simulation:
             values.setdefault(sensor.field, {}).update(_labelled(sensor.site, sensor.parts, read))
         links = {s.site: s.link for s in self._sensors}
         return Sample(self.t_s, values, links=links, sliding=self._sliding)
+
+    def _read_floating(self, name: str, i: int) -> dict[str, Reading]:
+        """A free joint's motion from its reference pose, from which the shown model starts; a ball's turn."""
+        start, free = self._model.jnt_qposadr[i], int(self._model.jnt_type[i]) == FREE
+        turned = self._data.qpos[start + 3 * free : start + 3 * free + 4].copy()
+        if not free:
+            return _floating(name, ROT, turned)
+        here, there = self._model.qpos0[start : start + 7], self._data.qpos[start : start + 3]
+        back, moved = np.zeros(4), np.zeros(3)
+        mujoco.mju_negQuat(back, here[3:])
+        mujoco.mju_rotVecQuat(moved, there - here[:3], back)
+        mujoco.mju_mulQuat(turned, back, turned.copy())
+        return _floating(name, TRANS, moved) | _floating(name, ROT, turned)
 
     def _reset(self) -> None:
         """Reset to the first keyframe, if there is one."""
@@ -257,15 +309,16 @@ class Simulation:
     def _find_servos(self) -> Iterator[Servo]:
         """Actuators whose force is proportional to the distance from their target."""
         model = self._model
+        names = {i: name for name, i in self.joints.items()}
         for k in range(model.nu):
             i = int(model.actuator_trnid[k, 0])
-            joint = _name(model, "joint", i)
+            joint = names.get(i)
             gain, bias, gear = (
                 model.actuator_gainprm[k, 0],
                 model.actuator_biasprm[k, 1],
                 model.actuator_gear[k, 0],
             )
-            if model.actuator_trntype[k] != mujoco.mjtTrn.mjTRN_JOINT or joint not in self.joints:
+            if model.actuator_trntype[k] != mujoco.mjtTrn.mjTRN_JOINT or joint is None:
                 continue
             if gain <= 0 or not math.isclose(gain, -bias) or gear == 0:
                 continue
@@ -328,14 +381,17 @@ def _sensors(model: Any) -> Iterator[SiteSensor]:
 
 
 def _name(model: Any, kind: str, i: int) -> str:
-    """The name of joint, site, sensor or body `i`."""
+    """The name of site, sensor or body `i`."""
     objects: dict[str, Callable[[int], Any]] = {
-        "joint": model.joint,
         "site": model.site,
         "sensor": model.sensor,
         "body": model.body,
     }
     return str(objects[kind](i).name) or f"{kind}{i}"
+
+
+def _floating(joint: str, parts: Sequence[str], numbers: Any) -> dict[str, Reading]:
+    return {f"{joint}/{part}": float(number) for part, number in zip(parts, numbers, strict=True)}
 
 
 def _labelled(site: str, parts: Any, numbers: Any) -> dict[str, Reading]:

@@ -1,17 +1,20 @@
-"""Checks what a program publishes: against the robot's model, and its clock against this machine's. Each kind
-of problem is counted, and logged once."""
+"""Checks what a source or a program publishes against the robot's model. Each kind of problem is counted, and
+logged once."""
 
 from __future__ import annotations
 
 import logging
 import math
 import threading
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from typing import NamedTuple
 
 from posecast_wire.command_line.installation import name_edge_command
 
 from posecast_edge.kit import OnceLog, make_visible, quote
+from posecast_edge.model.finding import quote_names
 from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.sample import Reading
 
@@ -144,36 +147,35 @@ class ModelCheck:
         self._once.add(text, text)
 
 
-# --- the clock
-
-LOOK_S = 1.0  # between two checks of the pace
-BACK_S = 1.0  # threads that publish with their own times may be a little apart
-UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-BACK = "t stepped back by more than a second: does it come from another clock?"
+SHOWN = 3  # names of each side
+AFFIX_MAX = 40  # characters
 
 
-class ClockCheck:
-    """Compares the robot clock that a program passes with this machine's clock. Reports to `problems` when
-    the robot's time steps back, or seems to be in another unit."""
+def explain_stillness(labels: Collection[str], readings: AbstractSet[str], joints: Sequence[str]) -> str:
+    """One line that says that none of the channels `labels` moves the model, and what to do; "" if one does,
+    or if there is nothing to move. `readings`: what moves the model, by the names that it may have; `joints`:
+    the model's joints."""
+    if not labels or not joints or not readings.isdisjoint(labels):
+        return ""
+    sent, known = (quote_names(list(names), SHOWN) for names in (labels, joints))
+    text = f"no channel moves the model: the source sends {sent}, the model's joints are {known}"
+    for whose, longer, shorter in (("channels", labels, joints), ("model's joints", joints, labels)):
+        if affix := _find_affix(longer, shorter):
+            text += f"; the names of the {whose} {affix}"
+            break
+    return f"{text}; use the same names, or map them in a profile's [joints]"
 
-    def __init__(self, problems: ProblemList) -> None:
-        self._problems = problems
-        self._newest: tuple[float, float] | None = None
-        self._began: tuple[float, float] | None = None
 
-    def check_time(self, t_s: float, now_s: float) -> None:
-        """Check one call. `t_s`: the robot's time that it passed; `now_s`: monotonic seconds."""
-        if self._newest is not None and t_s < self._newest[0] - BACK_S:
-            self._problems.add(BACK)
-            self._began = None
-        self._newest = (t_s, now_s)
-        if self._began is None:
-            self._began = self._newest
-        passed_s = now_s - self._began[1]
-        if passed_s < LOOK_S:
-            return
-        pace = (t_s - self._began[0]) / passed_s
-        self._began = self._newest
-        for factor, unit in UNITS.items():
-            if 0.5 < pace / factor < 2:
-                self._problems.add(f"t runs {factor:,.0f} times too fast: are these {unit}?")
+def _find_affix(longer: Iterable[str], shorter: Iterable[str]) -> str:
+    """What most of the longer names have before or behind the shorter ones: `begin with 'r1/'`. "" if there
+    is nothing of the kind."""
+    known, found, count = frozenset(shorter), Counter[tuple[str, str]](), 0
+    for name in longer:
+        count += 1
+        for i in range(1, min(len(name), AFFIX_MAX)):
+            if name[i:] in known and not name[i - 1].isalnum():
+                found["begin with", name[:i]] += 1
+            if name[:-i] in known and not name[-i].isalnum():
+                found["end with", name[-i:]] += 1
+    (how, affix), most = max(found.items(), key=lambda item: item[1], default=(("", ""), 0))
+    return f"{how} {quote(affix)}" if 2 * most >= min(count, len(known)) > 0 and affix else ""

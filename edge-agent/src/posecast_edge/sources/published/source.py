@@ -17,7 +17,8 @@ from posecast_edge.profile.defaults import JOINT_FIELDS
 from posecast_edge.profile.types import Profile
 from posecast_edge.sample import Reading, Sample
 from posecast_edge.sources.base import Deliver
-from posecast_edge.sources.published.checks import ClockCheck, ModelCheck, ProblemList
+from posecast_edge.sources.clock import ClockCheck
+from posecast_edge.sources.published.checks import ModelCheck, ProblemList
 from posecast_edge.sources.published.readings import FLAGS, PublishedSlot, Readings, Taken
 
 LOOK_S = 0.2  # the longest sleep; the end is noticed within it
@@ -38,7 +39,7 @@ class PublishedSource:
         self._slot, self._joints, self._problems = slot, dict.fromkeys(joints), problems
         # labels of each field of the profile; None: without one, the agent decides
         self._of_profile = {f.name: frozenset(f.labels) for f in profile.fields} if profile else None
-        self._model, self._clock = ModelCheck(problems), ClockCheck(problems)
+        self._model, self._clock = ModelCheck(problems), ClockCheck(problems.add)
         self._compared: dict[str, set[str]] = {}  # joints of each field that were compared with the model
         self._ended = False
 

@@ -6,6 +6,7 @@ Messages and samples belong to one thread; topics may be added by another.
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from posecast_edge.sample import Sample
 from posecast_edge.sources.merge import STREAM_S
 from posecast_edge.sources.ros.merge import MessageMerger
 from posecast_edge.sources.ros.messages import (
+    JOINT_STATE,
     STRING,
     TF,
     RosMessageError,
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("posecast_edge.ros")
 
 TOPICS_MAX = 2000  # remembered; further topics are neither shown nor read
+UNREAD_S = 5.0  # from a topic of joint states with another name until it is named
 NAMED_MAX = 8  # unsupported types that are logged; `probe` shows all
 
 
@@ -52,6 +55,7 @@ class RosInput:
         self._bad = PartLog(log.warning, "bad messages")
         self._urdf = ""
         self._reported_still = False
+        self._unread_s: float | None = None  # when a topic of joint states with another name was found
 
     def add_topic(self, topic: str, type_name: str) -> Route | None:
         """Add a discovered topic and return how it is read, None if it is not read. `type_name`: short form.
@@ -62,6 +66,8 @@ class RosInput:
         if len(self._topics) >= TOPICS_MAX or len(topic) > TOPIC_MAX or len(type_name) > TOPIC_MAX:
             return None
         route = self._topics[key] = self.routes.find_route(topic, type_name)
+        if type_name == JOINT_STATE and route is None and self._unread_s is None:
+            self._unread_s = time.monotonic()
         if route is not None and type_name not in (STRING, TF):
             self._merge.expect_topic(topic)
             if route.role == "pos":
@@ -125,6 +131,10 @@ class RosInput:
         now_s = time.monotonic()
         self.frames.check_time(now_s)
         sample = self._merge.make_sample(now_s)
+        if self._unread_s is not None and now_s - self._unread_s > UNREAD_S:
+            self._unread_s = math.inf  # once
+            if text := self.routes.explain_unread(dict(self._topics.copy().keys())):
+                log.warning("%s: %s", self._name, text)
         since_s = self._merge.stands_since_s
         if since_s is None:
             self._reported_still = False

@@ -82,6 +82,16 @@ class Routes:
         route = _by_name(topic[len(self._namespace) :], type_name)
         return route if route is not None and route.role not in self._given else None
 
+    def explain_unread(self, topics: Mapping[str, str]) -> str:
+        """A line if none of these topics is read as the robot's positions, although some could be: they have
+        another name than `joint_states`. "" otherwise. `topics`: topic → short type."""
+        routes = {t: self.find_route(t, JOINT_STATE) for t, name in topics.items() if name == JOINT_STATE}
+        unread = [topic for topic, route in routes.items() if route is None]
+        if "pos" in self._given or not unread or Route("pos") in routes.values():
+            return ""
+        text = f"no topic is called joint_states, but {unread[0]} has joint states"
+        return f'{text}; to read it, in a profile: [ros] pos = ["{unread[0]}"]'
+
     def _find_frames_route(self, topic: str) -> Route | None:
         """The route of a topic of transforms. Robots in namespaces often share one /tf."""
         above, _, last = topic.rpartition("/")
