@@ -399,6 +399,8 @@ WRONG = {
     model(link("a"), joint("j", "a", "gone")): "joint 'j': there is no link 'gone'; left out",
     model(link("a"), link("b"), joint("j", "a", "b", xyz="<xyz>0 0 0</xyz>")): "joint 'j': its axis is 0 0 0",
     model(link("a"), "<joint name='j' type='fixed'><child>a</child></joint>"): "joint 'j': no parent link",
+    model(link("a", "0 0 0 1 0 0 0", relative=" rotation_format='wxyz'")): "has the unknown rotation_format 'wxyz'; left out",
+    model(link("a", relative=" reference='b'")): "<pose> has no attribute 'reference' in SDF; ignored",
     model(link("a", relative=" relative_to='gone'")): "its pose is relative to 'gone', which does not exist",
     model(
         link("a", relative=" relative_to='b'"), link("b", relative=" relative_to='a'"), joint("j", "a", "b")

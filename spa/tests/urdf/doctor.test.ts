@@ -49,7 +49,10 @@ describe("the page's doctor", () => {
       expect(placed).toHaveLength(poses.length);
       for (const [i, { xyz, rpy }] of placed.entries()) {
         const [w, ...rest] = quatOfRpy(rpy);
-        for (const [k, value] of [...xyz, ...(w < 0 ? [-w, ...rest.map((part) => -part)] : [w, ...rest])].entries())
+        for (const [k, value] of [
+          ...xyz,
+          ...(w < 0 ? [-w, ...rest.map((part) => -part)] : [w, ...rest]),
+        ].entries())
           expect(value).toBeCloseTo(poses[i]![k]!, 9);
       }
     },

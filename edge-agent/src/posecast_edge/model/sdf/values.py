@@ -12,6 +12,10 @@ from posecast_edge.model.urdf.types import FAR_M, Pose, Vector
 from posecast_edge.model.urdf.xml_tree import Element
 
 
+NEWEST = (1, 12)  # SDF version that is known
+POSE_ATTRIBUTES = ("relative_to", "rotation_format", "degrees", "frame")  # the last until SDF 1.6
+
+
 class SdfValues:
     """Reads values, and collects what is wrong with them."""
 
@@ -48,7 +52,16 @@ class SdfValues:
         """The transform of a `<pose>`: six numbers, or seven with a quaternion."""
         if element is None:
             return identity()
-        if element.get("rotation_format") == "quat_xyzw":
+        for name in element.attributes:
+            if name not in POSE_ATTRIBUTES and ":" not in name:
+                say = f"{what}: <pose> has no attribute {quote_name(name, 40)} in SDF; ignored"
+                self.note("warning", "attribute-unknown", say, element)
+        form = element.get("rotation_format") or "euler_rpy"
+        if form not in ("euler_rpy", "quat_xyzw"):
+            say = f"{what}: <pose> has the unknown rotation_format {quote_name(form, 40)}; left out"
+            self.note("error", "number", say, element)
+            return identity()
+        if form == "quat_xyzw":
             values = self.read_numbers(element, 7, what)
             if values is None:
                 return identity()
