@@ -85,7 +85,10 @@ VERSIONED = [
     turned('quat_xyzw="0 0 1 1" rpy="1 0 0"'),
     turned('quat_xyzw="0 0 1 1" rpy="1 0 0"', None),
     turned('rpy="1 -0.5 2"'),
-    *(turned(f'quat_xyzw="{quat}"') for quat in ("0 0 0 0", "0 0 1", "a 0 0 1", "0,0,1,1", "nan 0 0 1", "", "1e300 0 0 0")),
+    *(
+        turned(f'quat_xyzw="{quat}"')
+        for quat in ("0 0 0 0", "0 0 1", "a 0 0 1", "0,0,1,1", "nan 0 0 1", "", "1e300 0 0 0")
+    ),
     *(
         robot(A, B, joint("ab", "a", "b", inside=inside, limit=limit))
         for inside, limit in (
@@ -93,7 +96,10 @@ VERSIONED = [
             ('<axis x="0" y="0" z="1"/>', "d"),
             ('<axis xyz="0 0 1"/><origin pos="1 0 0" drake:pos="1"/>', "d"),
             ('<axis xyz="0 0 1"/><origin xyz="1 0 0" RPY="1 0 0"/>', "d"),
-            ('<axis xyz="0 0 1"/>', '<limit lower="-1" upper="1" velocity="1" effort="1" acceleration="1" jerk="2"/>'),
+            (
+                '<axis xyz="0 0 1"/>',
+                '<limit lower="-1" upper="1" velocity="1" effort="1" acceleration="1" jerk="2"/>',
+            ),
             ('<axis xyz="0 0 1"/>', '<limit min="-1" max="1" lower="-1" upper="1" velocity="1" effort="1"/>'),
             ('<axis xyz="0 0 1"/><mimic joint="ab" ratio="2"/>', "d"),
         )

@@ -1,4 +1,6 @@
-"""Mesh files of many kinds, sound, odd and broken: what the edge reads in them, in a file that holds the page's readers to it.
+"""Mesh files of many kinds, sound, odd and broken: what the edge reads in them.
+
+A file with it holds the page's readers to the same.
 
 `python edge-agent/tests/test_mesh_corpus.py` writes the file anew after a reader or a case has changed.
 """
@@ -9,10 +11,12 @@ import base64
 import io
 import json
 import math
+import random
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,10 +25,11 @@ sys.path.insert(0, str(Path(__file__).parent))  # when run by itself
 
 import numpy as np
 import pytest
-from model_stage import CUBE_CORNERS, CUBE_FACES, cube_collada, cube_glb, cube_obj, pack_glb, resolver_at
+from model_stage import CUBE_CORNERS, CUBE_FACES, cube_glb, cube_stl, cube_text_stl, pack_glb, resolver_at
 from PIL import Image
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.meshes.mesh import Mesh, turn_upright
+from posecast_edge.model.meshes import mesh as mesh_module
+from posecast_edge.model.meshes.mesh import BEYOND_EARS, Mesh, Notes, PolygonCutter, turn_upright
 from posecast_edge.model.meshes.reader import read_mesh
 
 FILE = Path(__file__).parent / "mesh_corpus.json"
@@ -129,7 +134,9 @@ def source_of(extension: str, fallback: bool, required: bool) -> Callable[[Docum
     """With a picture named by an extension, and one named in the ordinary way."""
     texture: Document = {"extensions": {extension: {"source": 0}}} | ({"source": 1} if fallback else {})
     images = [{"bufferView": 4, "mimeType": "image/x"}] * 2
-    names: Document = {"extensionsUsed": [extension]} | ({"extensionsRequired": [extension]} if required else {})
+    names: Document = {"extensionsUsed": [extension]} | (
+        {"extensionsRequired": [extension]} if required else {}
+    )
     return textured({}, textures=[texture], images=images, **names)
 
 
@@ -160,8 +167,12 @@ def material(value: Any) -> Callable[[Document], None]:
     return lambda document: document.update(materials=[value])
 
 
+def at_node(node: Document) -> Callable[[Document], None]:
+    """Shown by this node."""
+    return lambda document: document.update(nodes=[node])
+
+
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-TURN = {"rotation": math.pi / 2}
 # which half of the picture the square shows
 PICTURES: dict[str, tuple[Callable[[Document], None], bytes | None, tuple[float, float, float] | None]] = {
     "plain": (textured({}), None, RED),
@@ -172,7 +183,11 @@ PICTURES: dict[str, tuple[Callable[[Document], None], bytes | None, tuple[float,
     "mirrored": (transform(scale=[-1, 1], offset=[1, 0]), None, BLUE),
     "turned by 180°": (transform(rotation=math.pi, offset=[1, 1]), None, BLUE),
     "turned by 90°": (transform(rotation=math.pi / 2, scale=[1, 0.1], offset=[0.6, 0.9]), None, BLUE),
-    "turned by 90°, with the second set": (transform(**TURN, scale=[1, 0.1], texCoord=1), None, RED),
+    "turned by 90°, with the second set": (
+        transform(rotation=math.pi / 2, scale=[1, 0.1], texCoord=1),
+        None,
+        RED,
+    ),
     "the second set": (textured({"texCoord": 1}), None, BLUE),
     "the first set instead of the second": (transform(uv_set=1, texCoord=0), None, RED),
     "the second set instead of the first": (transform(texCoord=1), None, BLUE),
@@ -196,13 +211,31 @@ PICTURES: dict[str, tuple[Callable[[Document], None], bytes | None, tuple[float,
     "diffuse, second set": (glossy(diffuseTexture={"index": 0, "texCoord": 1}), None, BLUE),
 }
 
-LOOKS = (
-    "KHR_materials_clearcoat KHR_materials_sheen KHR_materials_transmission KHR_materials_volume KHR_materials_ior "
-    "KHR_materials_specular KHR_materials_iridescence KHR_materials_anisotropy KHR_materials_emissive_strength "
-    "KHR_materials_dispersion KHR_materials_unlit KHR_materials_variants KHR_materials_diffuse_transmission "
-    "KHR_lights_punctual EXT_lights_image_based KHR_xmp_json_ld KHR_texture_basisu EXT_texture_webp EXT_texture_avif "
-    "MSFT_texture_dds KHR_animation_pointer KHR_materials_of_tomorrow KHR_mesh_quantization"
-).split()
+LOOKS = [
+    "KHR_materials_clearcoat",
+    "KHR_materials_sheen",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
+    "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_iridescence",
+    "KHR_materials_anisotropy",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_dispersion",
+    "KHR_materials_unlit",
+    "KHR_materials_variants",
+    "KHR_materials_diffuse_transmission",
+    "KHR_lights_punctual",
+    "EXT_lights_image_based",
+    "KHR_xmp_json_ld",
+    "KHR_texture_basisu",
+    "EXT_texture_webp",
+    "EXT_texture_avif",
+    "MSFT_texture_dds",
+    "KHR_animation_pointer",
+    "KHR_materials_of_tomorrow",
+    "KHR_mesh_quantization",
+]
 SHAPES = {
     "KHR_draco_mesh_compression": "export it without compression",
     "KHR_meshopt_compression": "export it without compression",
@@ -229,7 +262,10 @@ def gltf_cases() -> Iterator[Case]:
         "white": {},
         "glass": {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 1, 0.5]}},
         "opaque whatever its alpha": {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 1, 0.5]}},
-        "wholly transparent": {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0]}},
+        "wholly transparent": {
+            "alphaMode": "BLEND",
+            "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0]},
+        },
         "too bright": {"pbrMetallicRoughness": {"baseColorFactor": [3, -1, 0.5, 1]}},
         "of words": {"pbrMetallicRoughness": {"baseColorFactor": ["a", 0, 0, 1]}},
         "of two numbers": {"pbrMetallicRoughness": {"baseColorFactor": [1, 1]}},
@@ -248,16 +284,24 @@ def gltf_cases() -> Iterator[Case]:
         {"mesh": 0, "scale": [-1, 1, 1]},
     ]
     for i, node in enumerate(nodes):
-        yield Case(f"glTF node {i}: y is up", "a.glb", square(lambda d, n=node: d.update(nodes=[n])), notes=("gltf-axis",))  # type: ignore[misc]
+        yield Case(
+            f"glTF node {i}: y is up",
+            "a.glb",
+            square(at_node(node)),
+            notes=("gltf-axis",),
+        )
     yield Case("a cube as glTF: y is up", "a.glb", cube_glb(), area=0.24, notes=("gltf-axis",))
 
 
 # --- polygons
 
 
-def flat(points: list[tuple[float, float]], axes: str = "xy") -> list[tuple[float, float, float]]:
+Outline = Sequence[tuple[float, float]]
+
+
+def flat(points: Outline, axes: str = "xy") -> list[tuple[float, ...]]:
     """Points of a plane in space: each axis as in the letters, the third is 0.5."""
-    return [tuple({**dict(zip(axes, p, strict=True))}.get(a, 0.5) for a in "xyz") for p in points]  # type: ignore[misc]
+    return [tuple({**dict(zip(axes, p, strict=True))}.get(a, 0.5) for a in "xyz") for p in points]
 
 
 U = [(0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3)]
@@ -273,36 +317,50 @@ SPIRAL = [
 ]
 CLOSED = [*U, U[0]]
 TWICE = [p for p in U for _ in range(2)]
-OUTLINES: dict[str, list[tuple[float, float]]] = {
-    "U": U, "arrow": ARROW, "L": L, "star": STAR, "circle": CIRCLE, "comb": COMB, "spiral": SPIRAL,
-    "closed": CLOSED, "corners twice": TWICE, "straight corners": [(0, 0), (1, 0), (2, 0), (2, 2), (1, 2), (0, 2)],
-}  # fmt: skip
+OUTLINES: dict[str, Outline] = {
+    "U": U,
+    "arrow": ARROW,
+    "L": L,
+    "star": STAR,
+    "circle": CIRCLE,
+    "comb": COMB,
+    "spiral": SPIRAL,
+    "closed": CLOSED,
+    "corners twice": TWICE,
+    "straight corners": [(0, 0), (1, 0), (2, 0), (2, 2), (1, 2), (0, 2)],
+}
 
 
-def shoelace(points: list[tuple[float, float]]) -> float:
+def shoelace(points: Outline) -> float:
     """The area of a plane polygon."""
-    pairs = zip(points, points[1:] + points[:1], strict=True)
+    pairs = zip(points, [*points[1:], points[0]], strict=True)
     return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs)) / 2
 
 
-def obj_of(points: list[tuple[float, float, float]], tab: bool = False) -> bytes:
+def obj_of(points: list[tuple[float, ...]], tab: bool = False) -> bytes:
     """One polygon as OBJ."""
     gap = "\t" if tab else " "
     lines = [f"v{gap}{x!r}{gap}{y!r} {z!r}" for x, y, z in points]
     return "\n".join([*lines, f"f{gap}" + gap.join(str(i + 1) for i in range(len(points)))]).encode() + b"\n"
 
 
-def collada_of(points: list[tuple[float, float, float]], body: str, scene: str = "", asset: str | None = None) -> bytes:
-    """Collada of these positions; `body`: the elements with polygons, between them {input} for their input."""
+INPUT = '<input semantic="VERTEX" source="#v" offset="0"/>'
+
+
+def collada_of(
+    points: list[tuple[float, ...]], body: str, scene: str = "", asset: str | None = None
+) -> bytes:
+    """Collada of these positions; `body`: the elements with polygons, with {input} for their input."""
     numbers = " ".join(f"{v!r}" for p in points for v in p)
     given = '<asset><unit meter="1"/><up_axis>Z_UP</up_axis></asset>' if asset is None else asset
     return f"""<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">{given}
-<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="pa" count="{3 * len(points)}">{numbers}</float_array>
-<technique_common><accessor source="#pa" count="{len(points)}" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>{body.replace("{input}", '<input semantic="VERTEX" source="#v" offset="0"/>')}
-</mesh></geometry></library_geometries>
-<library_visual_scenes><visual_scene id="s"><node id="n">{scene}<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
+<library_geometries><geometry id="g"><mesh><source id="p">
+<float_array id="pa" count="{3 * len(points)}">{numbers}</float_array>
+<technique_common><accessor source="#pa" count="{len(points)}" stride="3"/></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>{body.replace("{input}", INPUT)}
+</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s">
+<node id="n">{scene}<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>""".encode()
 
 
@@ -311,7 +369,7 @@ def listed(*numbers: int) -> str:
 
 
 SQUARE_3 = [(0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (0.0, 3.0)]
-HOLES = {
+HOLES: dict[str, list[Outline]] = {
     "one": [[(1, 1), (1, 2), (2, 2), (2, 1)]],
     "turning the other way": [[(1, 1), (2, 1), (2, 2), (1, 2)]],
     "two": [[(0.5, 0.5), (0.5, 1), (1, 1), (1, 0.5)], [(2, 2), (2, 2.5), (2.5, 2.5), (2.5, 2)]],
@@ -332,19 +390,25 @@ def polygon_cases() -> Iterator[Case]:
             area = shoelace(outline)
             yield Case(f"OBJ polygon: {name} in {axes}", "a.obj", obj_of(points), area=area)
         every = range(len(outline))
-        polylist = f"<polylist count='1'>{{input}}<vcount>{len(outline)}</vcount><p>{listed(*every)}</p></polylist>"
+        polylist = (
+            f"<polylist count='1'>{{input}}<vcount>{len(outline)}</vcount><p>{listed(*every)}</p></polylist>"
+        )
         polygons = f"<polygons count='1'>{{input}}<p>{listed(*every)}</p></polygons>"
         for kind, body in (("polylist", polylist), ("polygons", polygons)):
-            yield Case(f"Collada {kind}: {name}", "a.dae", collada_of(flat(outline), body), area=shoelace(outline))
+            yield Case(
+                f"Collada {kind}: {name}", "a.dae", collada_of(flat(outline), body), area=shoelace(outline)
+            )
     for name, holes in HOLES.items():
-        points = SQUARE_3 + [p for hole in holes for p in hole]
+        corners = [*SQUARE_3, *(p for hole in holes for p in hole)]
         ends = np.cumsum([4, *map(len, holes)])
-        rings = "".join(f"<h>{listed(*range(a, b))}</h>" for a, b in zip(ends, ends[1:], strict=False))
+        rings = "".join(f"<h>{listed(*range(a, b))}</h>" for a, b in pairwise(ends))
         body = f"<polygons count='1'>{{input}}<ph><p>0 1 2 3</p>{rings}</ph></polygons>"
         area = 9 - sum(map(shoelace, holes))
-        yield Case(f"Collada hole: {name}", "a.dae", collada_of(flat(points), body), area=area)
-        turned = f"<polygons count='1'>{{input}}<ph><p>3 2 1 0</p>{rings}</ph></polygons>"
-        yield Case(f"Collada hole, turned: {name}", "a.dae", collada_of(flat(points, "zx"), turned), area=area)
+        yield Case(f"Collada hole: {name}", "a.dae", collada_of(flat(corners), body), area=area)
+        other_way = f"<polygons count='1'>{{input}}<ph><p>3 2 1 0</p>{rings}</ph></polygons>"
+        yield Case(
+            f"Collada hole, turned: {name}", "a.dae", collada_of(flat(corners, "zx"), other_way), area=area
+        )
     mixed = "<polygons count='2'>{input}<p>0 1 2</p><p>0 2 3</p></polygons>"
     yield Case("Collada polygons: two", "a.dae", collada_of(flat(SQUARE_3), mixed), area=9)
     strip = "<tristrips count='1'>{input}<p>0 1 3 2</p></tristrips>"
@@ -352,7 +416,8 @@ def polygon_cases() -> Iterator[Case]:
     fans = "<trifans count='1'>{input}<p>0 1 2 3</p></trifans>"
     yield Case("Collada trifans", "a.dae", collada_of(flat(SQUARE_3), fans), area=9)
     several = "".join(
-        f"<polylist count='2' material='{m}'>{{input}}<vcount>3 3</vcount><p>0 1 2 0 2 3</p></polylist>" for m in "ab"
+        f"<polylist count='2' material='{m}'>{{input}}<vcount>3 3</vcount><p>0 1 2 0 2 3</p></polylist>"
+        for m in "ab"
     )
     yield Case("Collada polylist: two", "a.dae", collada_of(flat(SQUARE_3), several), area=18)
     yield Case("OBJ of a prism", "a.obj", PRISM, area=2 * 0.07 * 1 + 0.05 * 1.6)
@@ -380,7 +445,7 @@ def text_cases() -> Iterator[Case]:
         "from the end": SOUND + "f -4 -3 -2 -1\n",
         "a line goes on": SOUND + "f 1 2 \\\n3 4\n",
         "old Mac lines": (SOUND + "f 1 2 3 4\n").replace("\n", "\r"),
-        "quarters": SOUND.replace("v ", "v  ") + "f 1 2 3 4 # a remark\n".split(" #")[0],
+        "quarters": SOUND.replace("v ", "v  ") + ["f 1 2 3 4", " a remark\n"][0],
     }.items():
         yield Case(f"OBJ: {name}", "a.obj", text.encode(), area=1)
     for name, libraries in {
@@ -396,10 +461,26 @@ def text_cases() -> Iterator[Case]:
         "without a suffix": "mtllib one two\n",
     }.items():
         yield Case(f"OBJ: {name}", "a.obj", (libraries + SOUND + FACES).encode(), TWO, area=1)
-    for unit in ("0,01", "0.01", "1", "1,0", "2.54e-2", "", "metre", "0", "-1", "nan", "1e99", " 0.5 ", "1.000,5"):
+    for unit in (
+        "0,01",
+        "0.01",
+        "1",
+        "1,0",
+        "2.54e-2",
+        "",
+        "metre",
+        "0",
+        "-1",
+        "nan",
+        "1e99",
+        " 0.5 ",
+        "1.000,5",
+    ):
         asset = f'<asset><unit meter="{unit}"/></asset>'
         body = "<triangles count='1'>{input}<p>0 1 2</p></triangles>"
         yield Case(f"Collada unit {unit!r}", "a.dae", collada_of(flat(SQUARE_3), body, asset=asset))
+    yield Case("a text STL", "a.stl", cube_text_stl(), area=0.24)
+    yield Case("a binary STL", "a.stl", cube_stl(), area=0.24)
     triangle = "<triangles count='1'>{input}<p>0 1 2</p></triangles>"
     yield Case("Collada without an asset", "a.dae", collada_of(flat(SQUARE_3), triangle, asset=""), area=4.5)
     for tag, inside in (("skew", "45 0 1 0 1 0 0"), ("lookat", "0 0 1 0 0 0 0 1 0")):
@@ -458,7 +539,9 @@ def broken_cases() -> Iterator[Case]:
         "faces of two corners": SOUND + "f 1 2\n",
     }.items():
         yield Case(f"broken OBJ: {name}", "a.obj", text.encode(), reason="")
-    whole = collada_of(flat(SQUARE_3), "<polylist count='1'>{input}<vcount>4</vcount><p>0 1 2 3</p></polylist>")
+    whole = collada_of(
+        flat(SQUARE_3), "<polylist count='1'>{input}<vcount>4</vcount><p>0 1 2 3</p></polylist>"
+    )
     for name, (old, new) in {
         "a list of words": (b"<p>0 1 2 3</p>", b"<p>a b c d</p>"),
         "a vertex too many": (b"<p>0 1 2 3</p>", b"<p>0 1 2 9</p>"),
@@ -476,11 +559,14 @@ CASES = [*gltf_cases(), *polygon_cases(), *text_cases(), *broken_cases()]
 assert len({case.name for case in CASES}) == len(CASES)
 
 
-def read(case: Case, folder: Path) -> Mesh:
-    """As a bundle shows it. Raises ModelRefused."""
+def read(case: Case, folder: Path) -> Mesh | str:
+    """As a bundle shows it, or why it is refused."""
     for name, data in {case.main: case.data, **case.beside}.items():
         (folder / name).write_bytes(data)
-    mesh = read_mesh(folder / case.main, resolver_at(folder))
+    try:
+        mesh = read_mesh(folder / case.main, resolver_at(folder))
+    except ModelRefused as e:
+        return e.reason
     return turn_upright(mesh) if mesh.is_up_certain else mesh
 
 
@@ -493,12 +579,13 @@ def measure(mesh: Mesh) -> float:
 
 def expected(case: Case, folder: Path) -> dict[str, Any]:
     """What the page must find. `paints`: None where a picture gives the colour."""
-    files = {name: base64.b64encode(data).decode() for name, data in {case.main: case.data, **case.beside}.items()}
+    files = {
+        name: base64.b64encode(data).decode() for name, data in {case.main: case.data, **case.beside}.items()
+    }
     row: dict[str, Any] = {"name": case.name, "main": case.main, "files": files}
-    try:
-        mesh = read(case, folder)
-    except ModelRefused as e:
-        return row | {"reason": e.reason}
+    mesh = read(case, folder)
+    if isinstance(mesh, str):
+        return row | {"reason": mesh}
     low, high = mesh.compute_box()
     paints = sorted({s.paint.rgba if s.paint else () for s in mesh.surfaces})
     pictured = any(s.paint and s.paint.texture for s in mesh.surfaces)
@@ -519,29 +606,77 @@ def corpus() -> str:
     return "[\n" + ",\n".join(lines) + "\n]\n"
 
 
-NO_SENTENCE = re.compile(r"Error|Exception|Traceback|object at 0x|undefined|invalid literal|unsupported operand|NoneType")
+NO_SENTENCE = re.compile(
+    r"Error|Exception|Traceback|object at 0x|undefined|invalid literal|unsupported operand|NoneType"
+)
+
+
+def check_sentences(mesh: Mesh | str) -> None:
+    """What is said of a file is written for people, not by an exception."""
+    for text in [mesh] if isinstance(mesh, str) else [text for _, text in mesh.notes]:
+        assert not NO_SENTENCE.search(text), text
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
 def test_what_a_file_is_read_as(case: Case, tmp_path: Path) -> None:
-    try:
-        mesh = read(case, tmp_path)
-    except ModelRefused as e:
-        assert case.area is None, e.reason
-        assert (case.reason or "") in e.reason
-        assert not NO_SENTENCE.search(e.reason), e.reason
+    mesh = read(case, tmp_path)
+    check_sentences(mesh)
+    if isinstance(mesh, str):
+        assert (case.area, case.notes) == (None, None), mesh
+        assert (case.reason or "") in mesh
         return
     if case.area is not None:
         assert measure(mesh) == pytest.approx(case.area, rel=1e-5)
     if case.notes is not None:
         assert tuple(code for code, _ in mesh.notes) == case.notes
-    assert not any(NO_SENTENCE.search(text) for _, text in mesh.notes), mesh.notes
+
+
+SPOILT = {
+    case.name: case
+    for case in CASES
+    if case.name
+    in (
+        "a cube as glTF: y is up",
+        "glTF picture: offset and scale",
+        "OBJ of a prism",
+        "OBJ: two libraries on a line",
+        "Collada polylist: U",
+        "Collada hole: two",
+        "a text STL",
+        "a binary STL",
+    )
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_whatever_is_spoilt_gives_a_sentence(name: str, tmp_path: Path) -> None:
+    """Bytes are cut off, dropped, doubled or replaced, in 60 places."""
+    case = SPOILT[name]
+    chance = random.Random(name)
+    refused = 0
+    for _ in range(60):
+        data = bytearray(case.data)
+        at = chance.randrange(len(data))
+        match chance.randrange(4):
+            case 0:
+                del data[at:]
+            case 1:
+                del data[at : at + chance.randrange(1, 40)]
+            case 2:
+                data[at:at] = data[at : at + 40]
+            case _:
+                data[at] = chance.choice(b'0az"<{[-.\0')
+        mesh = read(replace(case, data=bytes(data)), tmp_path)
+        check_sentences(mesh)
+        refused += isinstance(mesh, str)
+    assert refused
 
 
 @pytest.mark.parametrize("name", PICTURES)
 def test_which_half_of_a_picture_is_shown(name: str, tmp_path: Path) -> None:
     change, picture, colour = PICTURES[name]
     mesh = read(Case(name, "a.glb", square(change, picture)), tmp_path)
+    assert isinstance(mesh, Mesh)
     [surface] = mesh.surfaces
     if colour is None:
         assert surface.paint is None or surface.paint.texture is None or surface.uv is None
@@ -553,6 +688,53 @@ def test_which_half_of_a_picture_is_shown(name: str, tmp_path: Path) -> None:
     image = Image.open(io.BytesIO(surface.paint.texture)).convert("RGB")
     u, v = (surface.uv[surface.faces].mean(axis=(0, 1)) % 1).tolist()
     assert image.getpixel((int(u * 8), int(v * 8))) == tuple(int(255 * c) for c in colour)
+
+
+@pytest.mark.parametrize(
+    ("options", "scale", "offset"),
+    [
+        ("", (1, 1), (0, 0)),
+        ("-s 2 1 1", (2, 1), (0, 0)),
+        ("-s 2", (2, 1), (0, 0)),
+        ("-s 0.5 3", (0.5, 3), (0, 0)),
+        ("-o 0.25 0 0", (1, 1), (0.25, 0)),
+        ("-o 0.25 -0.5", (1, 1), (0.25, -0.5)),
+        ("-o 0 0.5 -s 2 2 2", (2, 2), (0, 0.5)),
+        ("-s 2 3 -o 0.1 0.2 -clamp on", (2, 3), (0.1, 0.2)),
+        ("-bm 2 -s -1 1 1", (-1, 1), (0, 0)),
+        ("-s inf 1", (1, 1), (0, 0)),
+        ("-clamp on", (1, 1), (0, 0)),
+        ("-s nan nan", (1, 1), (0, 0)),
+    ],
+)
+def test_a_picture_of_an_obj_is_scaled_and_moved(
+    options: str, scale: tuple[float, float], offset: tuple[float, float], tmp_path: Path
+) -> None:
+    text = "mtllib a.mtl\n" + SOUND + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl p\nf 1/1 2/2 3/3 4/4\n"
+    library = f"newmtl p\nmap_Kd {options} two halves.png\n".encode()
+    case = Case("", "a.obj", text.encode(), {"a.mtl": library, "two halves.png": two_halves()})
+    mesh = read(case, tmp_path)
+    assert isinstance(mesh, Mesh)
+    [surface] = mesh.surfaces
+    assert surface.uv is not None
+    low, high = (surface.uv * (1, -1) + (0, 1)).min(0), (surface.uv * (1, -1) + (0, 1)).max(0)
+    ends = np.sort([offset, np.add(offset, scale)], axis=0)
+    assert np.allclose([low, high], ends, atol=1e-6)
+
+
+def test_cutting_ears_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One polygon too large, or too many: their notches are filled, and that is said once."""
+    jagged: Outline = [(i / 2, 1 + i % 2) for i in range(60)] + [(30, 0), (0, 0)]
+    corners = np.array(flat(jagged))
+    for name, most in (("EARS_MAX", 61), ("EARS_WORK_MAX", 62**2)):
+        monkeypatch.setattr(mesh_module, name, most)
+        notes = Notes()
+        counts = np.array([62, 62, 4])
+        square = np.array(flat(SQUARE_3))
+        triangles = PolygonCutter(notes).cut(counts, np.concatenate([corners, corners, square]))
+        assert triangles.shape == (60 + 60 + 2, 3)
+        assert notes.list_entries() == (BEYOND_EARS,)
+        monkeypatch.undo()
 
 
 def test_the_page_is_held_to_what_the_edge_reads() -> None:

@@ -60,12 +60,20 @@ def test_the_user_decides(fits: str, tmp_path: Path) -> None:
     assert said(applied) == ["the Collada files declare Y_UP; turned upright because of --up-axis"]
 
 
-TURNED, LEFT = "the y axis of glTF is up; turned to z", "the y axis of glTF is up; not turned because of --up-axis"
+TURNED, LEFT = (
+    "the y axis of glTF is up; turned to z",
+    "the y axis of glTF is up; not turned because of --up-axis",
+)
 
 
-@pytest.mark.parametrize(("mode", "box", "note"), [
-    ("auto", UPRIGHT_Y, TURNED), ("apply", UPRIGHT_Y, TURNED), ("ignore", AS_WRITTEN, LEFT),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("mode", "box", "note"),
+    [
+        ("auto", UPRIGHT_Y, TURNED),
+        ("apply", UPRIGHT_Y, TURNED),
+        ("ignore", AS_WRITTEN, LEFT),
+    ],
+)
 @pytest.mark.parametrize("fits", WHERE)
 def test_gltf_is_turned_whatever_fits(fits: str, mode: str, box: object, note: str, tmp_path: Path) -> None:
     path = robot_of(tmp_path, WHERE[fits])
@@ -80,7 +88,11 @@ def test_gltf_is_turned_whatever_fits(fits: str, mode: str, box: object, note: s
 def test_gltf_beside_collada_leaves_that_its_choice(tmp_path: Path) -> None:
     path = robot_of(tmp_path, WHERE["as written"])
     (tmp_path / "meshes" / "b.glb").write_bytes(cube_glb())
-    path.write_text(path.read_text().replace("</robot>", link("d", mesh("meshes/b.glb")) + joint("l", "c", "d") + "</robot>"))
+    path.write_text(
+        path.read_text().replace(
+            "</robot>", link("d", mesh("meshes/b.glb")) + joint("l", "c", "d") + "</robot>"
+        )
+    )
     boxes = [v["box"] for v in build(path, "auto").document["visuals"]]
     assert (boxes[0], boxes[-1]) == (AS_WRITTEN, UPRIGHT_Y)
 

@@ -1,4 +1,4 @@
-import { rpyOf } from '../twin/rotation.ts';
+import { rpyOf } from '../model/vectors.ts';
 import { distrustMasses, type Finding, isPrintable, quoted } from './finding.ts';
 import {
   type Inertial,

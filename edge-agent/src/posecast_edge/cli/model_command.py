@@ -45,7 +45,7 @@ from posecast_edge.sources.registry import find_defaults, open_source
 
 DESCRIPTION = "robot_description"
 UP_AXIS_HELP = (
-    "apply or ignore the up axis of Collada and glTF meshes; auto: apply glTF's, decide Collada's by what fits (auto)"
+    "apply or ignore the up axis of meshes; auto: glTF's, and Collada's if that fits together (auto)"
 )
 SEVERITY_STYLES = {"error": "red", "warning": "yellow"}  # with colours on
 CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2

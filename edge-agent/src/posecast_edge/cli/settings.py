@@ -187,7 +187,7 @@ def add_run_flags(
     flag(
         "up-axis",
         _up_axis,
-        "the up axis of Collada and glTF meshes: auto (glTF's; Collada's by what fits), ignore or apply (auto)",
+        "the up axis of meshes: auto (glTF's, and Collada's if that fits), ignore or apply (auto)",
         AUTO,
     )
 

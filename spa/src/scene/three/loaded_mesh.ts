@@ -1,11 +1,4 @@
-import {
-  type Color,
-  Loader,
-  LoadingManager,
-  type Material,
-  type Mesh,
-  type Object3D,
-} from 'three';
+import { type Color, Loader, LoadingManager, type Material, type Mesh, type Object3D } from 'three';
 import type { MeshNote } from '../../model/report.ts';
 import type { Paint } from '../../urdf/manifest.ts';
 import type { PaintedSurface } from '../../urdf/meshes/lod_builder.ts';

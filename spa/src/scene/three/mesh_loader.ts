@@ -68,7 +68,8 @@ export class MeshLoader {
     try {
       kind = meshKind(bytes);
       const mesh = await this.#parse(kind, bytes, file);
-      if (mesh.parts.every((part) => part.surface.index.length === 0)) throw new MeshError('it has no triangles');
+      if (mesh.parts.every((part) => part.surface.index.length === 0))
+        throw new MeshError('it has no triangles');
       return mesh;
     } catch (cause) {
       // What a loader of three.js throws on is no sentence for people.

@@ -130,9 +130,7 @@ def _too_many() -> str:
     return f"left out: the robot already has more than {TRIANGLES_MAX:,} triangles"
 
 
-def read_visual_files(
-    robot: RobotFile, resolver: Resolver, progress: Progress, up_axis: str = AUTO
-) -> Files:
+def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress, up_axis: str = AUTO) -> Files:
     """Read all files that visuals need, and report progress."""
     urdf = robot.urdf
     pictures: dict[str, None] = {}

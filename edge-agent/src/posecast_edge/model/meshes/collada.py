@@ -120,7 +120,9 @@ class _Reader:
         written = ((unit.get("meter") if unit else None) or "1").strip()
         metre = convert_float(written.replace(",", "."), 0.0)  # some exporters write a decimal comma
         if metre == 0:
-            self._notes.add("collada-unit", f"its unit {quote_name(written, 20)} is not a number above 0; read as 1 m")
+            self._notes.add(
+                "collada-unit", f"its unit {quote_name(written, 20)} is not a number above 0; read as 1 m"
+            )
             metre = 1.0
         if not 1e-9 < metre < 1e9:
             raise ModelRefused(f"its unit is {metre:g} m")

@@ -108,7 +108,9 @@ def turn_upright(mesh: Mesh) -> Mesh:
     surfaces = tuple(replace(s, positions=s.positions @ turn.T) for s in mesh.surfaces)
     kept = tuple(note for note in mesh.notes if note[0] not in UP_NOTES)
     collada, gltf = UP_NOTES
-    said = (gltf, f"{GLTF_UP}; turned to z") if mesh.is_up_certain else (collada, f"it says {mesh.up}; applied")
+    said = (
+        (gltf, f"{GLTF_UP}; turned to z") if mesh.is_up_certain else (collada, f"it says {mesh.up}; applied")
+    )
     return Mesh(surfaces, (said, *kept))
 
 
@@ -276,7 +278,11 @@ class PolygonCutter:
         flat = (corners - corners[0])[:, axes if normal[drop] > 0 else axes[::-1]]
         flat /= np.abs(flat).max()
         ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
-        cut = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), ends).reshape(-1, 3).astype(np.int64)
+        cut = (
+            mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), ends)
+            .reshape(-1, 3)
+            .astype(np.int64)
+        )
         (ax, ay), (bx, by), (cx, cy) = (flat[cut[:, k]].T for k in range(3))
         doubled = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         return cut[:, ::-1] if doubled.sum() < 0 else cut

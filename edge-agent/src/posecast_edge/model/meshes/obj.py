@@ -69,8 +69,7 @@ def read_obj(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures 
             if len(groups) > MATERIALS_MAX:
                 raise ModelRefused(f"more than {MATERIALS_MAX:,} materials")
         elif word == b"mtllib":
-            for name in LIBRARIES.split(rest.strip().decode("utf-8", "replace")):
-                library.read(name)
+            library.read_all(rest.strip().decode("utf-8", "replace"))
     if max(len(vertices), len(textures)) > VERTICES_MAX:
         raise ModelRefused(f"more than {VERTICES_MAX:,} vertices")
     positions = _rows(vertices, 3)
@@ -172,6 +171,11 @@ class _Library:
         """A material; None when no library has it."""
         paint = self._paints.get(name)
         return None if paint is None else _lit(paint)
+
+    def read_all(self, names: str) -> None:
+        """Read the files that a line names."""
+        for name in LIBRARIES.split(names):
+            self.read(name)
 
     def read(self, name: str) -> None:
         """Read one more file. A problem gives a note."""

@@ -27,7 +27,6 @@ from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.texture import Pictures
 from posecast_edge.model.urdf.resolver import Resolver, read_bounded
 
-
 NAMES = {".stl": "STL", ".dae": "Collada", ".obj": "OBJ"}  # of formats, in a sentence
 
 

@@ -85,8 +85,9 @@ class IncludeReader:
         """At the top of a file, and in its worlds."""
         version = get_version(root)
         if version > NEWEST:
-            text = f"SDF {'.'.join(map(str, version))} is newer than {'.'.join(map(str, NEWEST))}, the newest that is known"
-            self._values.note("warning", "version", f"{text}; read as that", root)
+            given, newest = (".".join(map(str, v)) for v in (version, NEWEST))
+            text = f"SDF {given} is newer than {newest}, the newest that is known; read as that"
+            self._values.note("warning", "version", text, root)
         for holder in (root, *root.find_all("world")):
             for child in holder.children:
                 if child.tag == "model":
