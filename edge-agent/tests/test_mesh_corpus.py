@@ -39,7 +39,7 @@ NO_PICTURES = ("texture", "material-file", "collada-opacity")  # notes that the 
 @dataclass(frozen=True)
 class Case:
     """`main`: the mesh's file name; `beside`: files it may refer to. `area`: m², `reason`: a piece of the
-    refusal, `notes`: the codes; None where the test leaves them to the file."""
+    refusal, `notes`: the codes, `faces`: as face(); None where the test leaves them to the file."""
 
     name: str
     main: str
@@ -48,6 +48,7 @@ class Case:
     area: float | None = None
     reason: str | None = None
     notes: tuple[str, ...] | None = None
+    faces: list[float] | None = None
 
 
 # --- glTF: a square of 1 m × 1 m in x and y, with a picture: its left half red, its right half blue
@@ -337,6 +338,12 @@ def shoelace(points: Outline) -> float:
     return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs)) / 2
 
 
+def newell(points: Sequence[tuple[float, ...]]) -> list[float]:
+    """Where a polygon faces, m²."""
+    corners = np.array(points, np.float64)
+    return [float(v) for v in np.cross(corners, np.roll(corners, -1, axis=0)).sum(0) / 2]
+
+
 def obj_of(points: list[tuple[float, ...]], tab: bool = False) -> bytes:
     """One polygon as OBJ."""
     gap = "\t" if tab else " "
@@ -388,23 +395,26 @@ def polygon_cases() -> Iterator[Case]:
         for axes, turned in (("xy", False), ("zx", True), ("yz", False)):
             points = flat(outline[::-1] if turned else outline, axes)
             area = shoelace(outline)
-            yield Case(f"OBJ polygon: {name} in {axes}", "a.obj", obj_of(points), area=area)
+            facing = newell(points)
+            yield Case(f"OBJ polygon: {name} in {axes}", "a.obj", obj_of(points), area=area, faces=facing)
         every = range(len(outline))
         polylist = (
             f"<polylist count='1'>{{input}}<vcount>{len(outline)}</vcount><p>{listed(*every)}</p></polylist>"
         )
         polygons = f"<polygons count='1'>{{input}}<p>{listed(*every)}</p></polygons>"
         for kind, body in (("polylist", polylist), ("polygons", polygons)):
-            yield Case(
-                f"Collada {kind}: {name}", "a.dae", collada_of(flat(outline), body), area=shoelace(outline)
-            )
+            points, area = flat(outline), shoelace(outline)
+            data = collada_of(points, body)
+            yield Case(f"Collada {kind}: {name}", "a.dae", data, area=area, faces=newell(points))
     for name, holes in HOLES.items():
         corners = [*SQUARE_3, *(p for hole in holes for p in hole)]
         ends = np.cumsum([4, *map(len, holes)])
         rings = "".join(f"<h>{listed(*range(a, b))}</h>" for a, b in pairwise(ends))
         body = f"<polygons count='1'>{{input}}<ph><p>0 1 2 3</p>{rings}</ph></polygons>"
         area = 9 - sum(map(shoelace, holes))
-        yield Case(f"Collada hole: {name}", "a.dae", collada_of(flat(corners), body), area=area)
+        yield Case(
+            f"Collada hole: {name}", "a.dae", collada_of(flat(corners), body), area=area, faces=[0, 0, area]
+        )
         other_way = f"<polygons count='1'>{{input}}<ph><p>3 2 1 0</p>{rings}</ph></polygons>"
         yield Case(
             f"Collada hole, turned: {name}", "a.dae", collada_of(flat(corners, "zx"), other_way), area=area
@@ -570,6 +580,13 @@ def read(case: Case, folder: Path) -> Mesh | str:
     return turn_upright(mesh) if mesh.is_up_certain else mesh
 
 
+def face(mesh: Mesh) -> list[float]:
+    """The sum of its triangles' normals, each as long as the triangle's area, m²: where it faces."""
+    corners = np.concatenate([s.positions.astype(np.float64)[s.faces] for s in mesh.surfaces])
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return [round(float(v), 6) + 0.0 for v in across.sum(0) / 2]
+
+
 def measure(mesh: Mesh) -> float:
     """Its area, m²."""
     corners = np.concatenate([s.positions.astype(np.float64)[s.faces] for s in mesh.surfaces])
@@ -591,6 +608,7 @@ def expected(case: Case, folder: Path) -> dict[str, Any]:
     pictured = any(s.paint and s.paint.texture for s in mesh.surfaces)
     return row | {
         "area": round(measure(mesh), 6),
+        "faces": face(mesh),
         "box": [[round(float(v), 6) for v in corner] for corner in (low, high)],
         "paints": None if pictured else [[round(v, 4) for v in paint] for paint in paints],
         "notes": [note for note in mesh.notes if note[0] not in NO_PICTURES],
@@ -627,6 +645,8 @@ def test_what_a_file_is_read_as(case: Case, tmp_path: Path) -> None:
         return
     if case.area is not None:
         assert measure(mesh) == pytest.approx(case.area, rel=1e-5)
+    if case.faces is not None:
+        assert face(mesh) == pytest.approx(case.faces, rel=1e-5, abs=1e-5)
     if case.notes is not None:
         assert tuple(code for code, _ in mesh.notes) == case.notes
 

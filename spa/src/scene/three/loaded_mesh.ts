@@ -70,12 +70,14 @@ function isFromFile(material: Material): boolean {
   return name !== '' || (type !== 'MeshBasicMaterial' && !(plain && white));
 }
 
-/** The corners (x, y, z each) of a range of a mesh's triangles, in the frame of the file's root. */
+/** The corners (x, y, z each) of a range of a mesh's triangles, in the frame of the file's root. Those of a mirrored mesh are
+ *  reversed, so that they face outwards. */
 function worldSoup(mesh: Mesh, start: number, count: number): Float32Array {
   const position = mesh.geometry.getAttribute('position');
   const index = mesh.geometry.getIndex();
   const end = Math.min(start + count, index?.count ?? position.count);
   const m = mesh.matrixWorld.elements;
+  const mirrored = mesh.matrixWorld.determinant() < 0;
   const soup = new Float32Array(Math.max(0, end - start) * 3);
   for (let i = start; i < end; i += 1) {
     const corner = index?.getX(i) ?? i;
@@ -84,7 +86,8 @@ function worldSoup(mesh: Mesh, start: number, count: number): Float32Array {
     const z = position.getZ(corner);
     if (!(corner < position.count)) throw new MeshError('a triangle refers to a vertex that does not exist');
     if (!Number.isFinite(x + y + z)) throw new MeshError('vertices that are not finite (NaN)');
-    const at = (i - start) * 3;
+    const number = i - start;
+    const at = 3 * (mirrored && number % 3 > 0 ? number + 3 - 2 * (number % 3) : number);
     soup[at] = m[0]! * x + m[4]! * y + m[8]! * z + m[12]!;
     soup[at + 1] = m[1]! * x + m[5]! * y + m[9]! * z + m[13]!;
     soup[at + 2] = m[2]! * x + m[6]! * y + m[10]! * z + m[14]!;

@@ -14,6 +14,8 @@ interface Row {
   readonly files: Readonly<Record<string, string>>;
   readonly reason?: string;
   readonly area: number;
+  /** The sum of its triangles' normals, each as long as the triangle's area: where it faces. */
+  readonly faces: readonly number[];
   readonly box: readonly (readonly number[])[];
   /** Display values; empty for the URDF's own colour. Null if a picture gives the colour, which the page does not draw. */
   readonly paints: readonly (readonly number[])[] | null;
@@ -48,8 +50,9 @@ async function read({ main, files }: Row): Promise<LoadedMesh | string> {
   }
 }
 
-function areaOf({ parts }: LoadedMesh): number {
+function measure({ parts }: LoadedMesh): { area: number; faces: number[] } {
   let area = 0;
+  const faces = [0, 0, 0];
   for (const { positions: p, index } of parts.map(({ surface }) => surface)) {
     for (let i = 0; i < index.length; i += 3) {
       const [a, b, c] = [index[i]! * 3, index[i + 1]! * 3, index[i + 2]! * 3];
@@ -59,9 +62,10 @@ function areaOf({ parts }: LoadedMesh): number {
         return u![j]! * v![k]! - u![k]! * v![j]!;
       });
       area += Math.hypot(...cross) / 2;
+      for (const axis of [0, 1, 2]) faces[axis]! += cross[axis]! / 2;
     }
   }
-  return area;
+  return { area, faces };
 }
 
 const display = (value: number) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055);
@@ -81,7 +85,9 @@ describe('the page reads meshes like the edge', () => {
     const mesh = await read(row);
     if (typeof mesh === 'string') throw new Error(mesh);
     const { low, high } = factsOf(mesh, 0);
-    expect(areaOf(mesh)).toBeCloseTo(row.area, 4);
+    const { area, faces } = measure(mesh);
+    for (const [i, value] of [area, ...faces].entries())
+      expect(value).toBeCloseTo([row.area, ...row.faces][i]!, 4);
     for (const [i, value] of [...low, ...high].entries()) expect(value).toBeCloseTo(row.box.flat()[i]!, 4);
     expect(mesh.notes.filter(([code]) => !OWN.includes(code))).toEqual(row.notes);
     if (row.paints !== null) {
