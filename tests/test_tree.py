@@ -34,6 +34,7 @@ SOURCES = sorted(
 # The same thing on both sides of the wire, or of one port.
 SAME_MEANING = {
     *("Event", "Frame", "Stream", "Lateness", "Player", "Settings", "TokenBucket"),
+    "PolygonCutter",  # reads meshes alike
     *("Page", "Robot", "Viewer"),  # of the load tests: what they play
 }
 

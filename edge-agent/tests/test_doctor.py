@@ -57,6 +57,8 @@ def inertial(mass: float, moments: str, xyz: str = "0 0 0") -> str:
 
 
 CORPUS = [
+    Case("attribute-unknown", "warning", 4, "<origin> has no attribute 'xzy'", (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin xzy="1 0 0"/>'))),
+    Case("quaternion", "warning", 4, 'only with <robot version="1.1">', (A, B, joint("j", "a", "b", inside='<axis xyz="0 0 1"/><origin quat_xyzw="0 0 0 1"/>'))),
     Case("no-links", "error", None, "no link", ()),
     Case("joint-child", "error", 3, "its child link 'gone'", (A, joint("j", "a", "gone"))),
     Case("joint-parent", "error", 3, "its parent link 'gone'", (A, joint("j", "gone", "a"))),

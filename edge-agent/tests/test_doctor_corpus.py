@@ -19,6 +19,7 @@ from posecast_edge import model
 from posecast_edge.model.doctor.meshes import MeshFacts
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import SEVERITIES
+from posecast_edge.model.kinematics import quaternion_from_rpy
 from posecast_edge.model.urdf.reader import read_urdf
 from posecast_edge.model.urdf.tree import build_tree
 from test_doctor import CORPUS, box
@@ -45,6 +46,69 @@ MORE = [
     robot(link("a", '<inertial><origin xyz="0 inf 0"/><mass value="1"/><inertia ixx="a"/></inertial>')),
     robot('<link name="a"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'),
 ]
+
+
+def turned(attributes: str, version: str | None = "1.1") -> str:
+    """A robot whose shapes, mass and joint have an origin with these attributes."""
+    origin = f'<origin xyz="0.1 -0.2 0.3" {attributes}/>'
+    text = robot(
+        link("a"),
+        link("b", f'<inertial>{origin}<mass value="1"/></inertial>{box("1 2 3", origin)}'),
+        joint("ab", "a", "b", inside=origin + '<axis xyz="0 0 1"/>'),
+    )
+    return text if version is None else text.replace("<robot", f'<robot version="{version}"')
+
+
+HALF = 0.7071067811865476
+QUATERNIONS = [
+    "0 0 0 1",
+    f"0 0 {HALF} {HALF}",
+    f"0 {HALF} 0 {HALF}",  # pitch of 90°, where roll and yaw turn about one axis
+    f"0 -{HALF} 0 {HALF}",
+    f"{HALF} 0 0 -{HALF}",
+    "0.5 0.5 0.5 0.5",
+    "0.5 -0.5 0.5 0.5",
+    "0 1 0 0",
+    "1 0 0 0",
+    "-0.1 0.2 -0.3 0.4",
+    "0 0 3 4",
+    "0.2705980501 0.6532814824 0.2705980501 0.6532814824",
+    "0 0 1e-9 1e-9",
+]
+# in one version or another, each with the rotation that urdfdom (Pinocchio 4.1) reads
+VERSIONED = [
+    *(turned(f'quat_xyzw="{quat}"') for quat in QUATERNIONS),
+    *(
+        turned('quat_xyzw="0 0 1 1"', version)
+        for version in (None, "", "1.0", "1", " 1.1", "1.2", "1.3", "2.0", "x", "1.1.0", "-1", "1.12345")
+    ),
+    turned('quat_xyzw="0 0 1 1" rpy="1 0 0"'),
+    turned('quat_xyzw="0 0 1 1" rpy="1 0 0"', None),
+    turned('rpy="1 -0.5 2"'),
+    *(
+        turned(f'quat_xyzw="{quat}"')
+        for quat in ("0 0 0 0", "0 0 1", "a 0 0 1", "0,0,1,1", "nan 0 0 1", "", "1e300 0 0 0")
+    ),
+    *(
+        robot(A, B, joint("ab", "a", "b", inside=inside, limit=limit))
+        for inside, limit in (
+            ('<axis xyz="0 0 1" rpy="0 0 0"/>', "d"),
+            ('<axis x="0" y="0" z="1"/>', "d"),
+            ('<axis xyz="0 0 1"/><origin pos="1 0 0" drake:pos="1"/>', "d"),
+            ('<axis xyz="0 0 1"/><origin xyz="1 0 0" RPY="1 0 0"/>', "d"),
+            (
+                '<axis xyz="0 0 1"/>',
+                '<limit lower="-1" upper="1" velocity="1" effort="1" acceleration="1" jerk="2"/>',
+            ),
+            ('<axis xyz="0 0 1"/>', '<limit min="-1" max="1" lower="-1" upper="1" velocity="1" effort="1"/>'),
+            ('<axis xyz="0 0 1"/><mimic joint="ab" ratio="2"/>', "d"),
+        )
+    ),
+    robot(link("a", mesh("a.stl", ' scale="1 1 1" unit="mm" xmlns="x"'))),
+    robot(link("a", mesh("a.stl", ' Scale="2 2 2"'))),
+]
+
+
 # what only the edge can say: it reads profiles and folders of packages, and looks into a mesh's corners
 EDGE_ONLY = {
     "profile-foot",
@@ -129,7 +193,7 @@ LOOKED_AT = [
 
 def urdfs() -> list[str]:
     """Every robot of the corpus, and more that two readers may see differently."""
-    return list(dict.fromkeys([*(robot(*case.parts) for case in CORPUS), *MORE]))
+    return list(dict.fromkeys([*(robot(*case.parts) for case in CORPUS), *MORE, *VERSIONED]))
 
 
 def expected(text: str, meshes: list[MeshFacts] | None = None) -> dict[str, Any]:
@@ -138,7 +202,10 @@ def expected(text: str, meshes: list[MeshFacts] | None = None) -> dict[str, Any]
     facts = None if meshes is None else {fact.uri: fact for fact in meshes}
     findings = [[f.severity, f.code, f.text, f.line] for f in examine_model(urdf, build_tree(urdf), facts)]
     if meshes is None:
-        return {"urdf": text, "findings": findings}
+        poses = [*(j.pose for j in urdf.joints), *(s.pose for link in urdf.links for s in link.visuals)]
+        poses += [link.inertial.pose for link in urdf.links if link.inertial is not None]
+        placed = [[*pose.xyz, *quaternion_from_rpy(pose.rpy)] for pose in poses]
+        return {"urdf": text, "findings": findings} | ({"poses": placed} if "quat_xyzw" in text else {})
     return {"urdf": text, "meshes": {fact.uri: told(fact) for fact in meshes}, "findings": findings}
 
 

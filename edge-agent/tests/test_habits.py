@@ -30,6 +30,7 @@ from posecast_edge.model.builder.build import Built
 
 Box = list[list[float]]
 UNIT: Box = [[0, 0, 0], [0.2, 0.2, 0.2]]
+UPRIGHT_UNIT: Box = [[0, -0.2, 0], [0.2, 0, 0.2]]  # with its y turned to z, as in glTF
 
 
 def shown(made: Built) -> list[tuple[Box, str]]:
@@ -233,7 +234,7 @@ def test_gltf_with_its_data_beside_it(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes/my cube.bin").write_bytes(cube_binary())
     made = one_mesh(tmp_path, "a.gltf", gltf("my%20cube.bin"))
-    assert [(near(box, UNIT), colour) for box, colour in shown(made)] == [(True, "#ff0000")]
+    assert [(near(box, UPRIGHT_UNIT), colour) for box, colour in shown(made)] == [(True, "#ff0000")]
 
 
 def test_gltf_with_its_data_inside_it(tmp_path: Path) -> None:
@@ -241,13 +242,13 @@ def test_gltf_with_its_data_inside_it(tmp_path: Path) -> None:
         return f"data:{kind};base64,{base64.b64encode(data).decode()}"
 
     text = gltf(uri("application/octet-stream", cube_binary()), uri("image/png", PICTURE))
-    assert [near(box, UNIT) for box, _ in shown(one_mesh(tmp_path, "a.gltf", text))] == [True]
+    assert [near(box, UPRIGHT_UNIT) for box, _ in shown(one_mesh(tmp_path, "a.gltf", text))] == [True]
 
 
 def test_gltf_whose_picture_is_lost_keeps_its_shape(tmp_path: Path) -> None:
     made = one_mesh(tmp_path, "a.gltf", gltf("cube.bin", "gone.png"), cube_bin=cube_binary())
     assert len(shown(made)) == 1
-    assert codes(made, "hint") == ["texture"]
+    assert codes(made, "hint") == ["gltf-axis", "texture"]
 
 
 def test_a_squeezed_glb_is_refused_with_advice(tmp_path: Path) -> None:

@@ -399,6 +399,8 @@ WRONG = {
     model(link("a"), joint("j", "a", "gone")): "joint 'j': there is no link 'gone'; left out",
     model(link("a"), link("b"), joint("j", "a", "b", xyz="<xyz>0 0 0</xyz>")): "joint 'j': its axis is 0 0 0",
     model(link("a"), "<joint name='j' type='fixed'><child>a</child></joint>"): "joint 'j': no parent link",
+    model(link("a", relative=" rotation_format='wxyz'")): "the unknown rotation_format 'wxyz'; left out",
+    model(link("a", relative=" reference='b'")): "<pose> has no attribute 'reference' in SDF; ignored",
     model(link("a", relative=" relative_to='gone'")): "its pose is relative to 'gone', which does not exist",
     model(
         link("a", relative=" relative_to='b'"), link("b", relative=" relative_to='a'"), joint("j", "a", "b")
@@ -419,6 +421,14 @@ def test_what_is_wrong_is_said_and_the_rest_is_shown(text: str, tmp_path: Path) 
     assert any(WRONG[text] in f.text for f in found.findings), [f.text for f in found.findings]
     path = written(tmp_path, "robot.sdf", sdf(text))
     assert run_command(["doctor", "--urdf", str(path)], {}) == PROBLEMS
+
+
+@pytest.mark.parametrize("version", ["1.4", "1.11", "1.12", "1.12.1", "1.13", "2.0", "new", ""])
+def test_a_version_newer_than_known_is_said(version: str) -> None:
+    findings = read_sdf(sdf(model(link("a")), version=version).encode()).findings
+    newer = f"SDF {version} is newer than 1.12, the newest that is known; read as that"
+    expected = [newer] if version in {"1.12.1", "1.13", "2.0"} else []
+    assert [f.text for f in findings if f.code == "version"] == expected
 
 
 REFUSED = {

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_stage import run_edge
-from model_stage import cube_collada, joint, link, mesh, nothing, robot, written
+from model_stage import cube_collada, cube_glb, joint, link, mesh, nothing, robot, written
 from posecast_edge.model.builder.build import Built, build_model
 from posecast_edge.model.meshes.mesh import UPRIGHT
 from posecast_edge.model.robot_file import load_robot_file
@@ -58,6 +58,43 @@ def test_the_user_decides(fits: str, tmp_path: Path) -> None:
     applied = build(path, "apply")
     assert applied.document["visuals"][0]["box"] == UPRIGHT_Y
     assert said(applied) == ["the Collada files declare Y_UP; turned upright because of --up-axis"]
+
+
+TURNED, LEFT = (
+    "the y axis of glTF is up; turned to z",
+    "the y axis of glTF is up; not turned because of --up-axis",
+)
+
+
+@pytest.mark.parametrize(
+    ("mode", "box", "note"),
+    [
+        ("auto", UPRIGHT_Y, TURNED),
+        ("apply", UPRIGHT_Y, TURNED),
+        ("ignore", AS_WRITTEN, LEFT),
+    ],
+)
+@pytest.mark.parametrize("fits", WHERE)
+def test_gltf_is_turned_whatever_fits(fits: str, mode: str, box: object, note: str, tmp_path: Path) -> None:
+    path = robot_of(tmp_path, WHERE[fits])
+    path.write_text(path.read_text().replace("a.dae", "a.glb"))
+    (tmp_path / "meshes" / "a.glb").write_bytes(cube_glb())
+    built = build(path, mode)
+    assert built.document["visuals"][0]["box"] == box
+    assert [f.text for f in built.findings if f.code == "gltf-axis"] == [f"mesh 'meshes/a.glb': {note}"]
+    assert said(built) == []
+
+
+def test_gltf_beside_collada_leaves_that_its_choice(tmp_path: Path) -> None:
+    path = robot_of(tmp_path, WHERE["as written"])
+    (tmp_path / "meshes" / "b.glb").write_bytes(cube_glb())
+    path.write_text(
+        path.read_text().replace(
+            "</robot>", link("d", mesh("meshes/b.glb")) + joint("l", "c", "d") + "</robot>"
+        )
+    )
+    boxes = [v["box"] for v in build(path, "auto").document["visuals"]]
+    assert (boxes[0], boxes[-1]) == (AS_WRITTEN, UPRIGHT_Y)
 
 
 def test_where_both_fit_it_is_as_in_rviz(tmp_path: Path) -> None:

@@ -20,6 +20,10 @@ class Node {
     return this.#attributes.get(name) ?? null;
   }
 
+  getAttributeNames(): string[] {
+    return [...this.#attributes.keys()];
+  }
+
   count(): number {
     return this.children.reduce((sum, child) => sum + child.count(), 1);
   }

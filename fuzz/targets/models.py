@@ -19,7 +19,7 @@ from posecast_edge.cli.profile_new import make_profile_text
 from posecast_edge.model.doctor.skeleton import examine_model
 from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.collada import read_collada
-from posecast_edge.model.meshes.gltf import read_gltf
+from posecast_edge.model.meshes.gltf import MALFORMED, read_gltf
 from posecast_edge.model.meshes.mesh import Mesh, validate_mesh
 from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.reader import read_stl, split_all_by_colour
@@ -224,7 +224,7 @@ TARGETS = (
     Target("stl", mesh_of(read_stl), REFUSES),
     Target("obj", mesh_of(lambda data: read_obj(data, nothing, True)), REFUSES),
     Target("mtl", mesh_of(library), REFUSES),
-    Target("gltf", mesh_of(lambda data: read_gltf(as_glb(data), nothing)), REFUSES),
+    Target("gltf", mesh_of(lambda data: read_gltf(as_glb(data), nothing)), (*REFUSES, *MALFORMED)),
     Target("collada", mesh_of(lambda data: read_collada(data, nothing)), REFUSES),
     Target("mjcf", mjcf),
     Target("mjcf-answer", mjcf_answer, REFUSES),

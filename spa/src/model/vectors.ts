@@ -10,6 +10,7 @@ export {
   quatOfRpy,
   rejectFrom,
   rotateAbout,
+  rpyOf,
   scale,
   type Transform,
 } from '../twin/rotation.ts';

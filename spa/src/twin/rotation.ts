@@ -42,14 +42,18 @@ export function quatOfRpy([roll, pitch, yaw]: Vec3): Quat {
   ];
 }
 
-/** Roll, pitch and yaw (rad) of a unit quaternion about the fixed axes X, Y and Z (REP-103). */
+/** Roll, pitch and yaw (rad) of a quaternion about the fixed axes X, Y and Z (REP-103): the inverse of quatOfRpy, exact at a pitch of
+ *  ±90° too, where only the sum or difference of roll and yaw counts. The quaternion may have any length above 0. */
 export function rpyOf([w, x, y, z]: Quat): Vec3 {
-  const sine = Math.max(-1, Math.min(1, 2 * (w * y - z * x)));
-  return [
-    Math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-    Math.asin(sine),
-    Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-  ];
+  const halfSum = Math.atan2(x + z, w - y);
+  const halfDifference = Math.atan2(x - z, w + y);
+  const pitch = 2 * Math.atan2(Math.hypot(w + y, x - z), Math.hypot(w - y, x + z)) - Math.PI / 2;
+  return [wrapped(halfSum + halfDifference), pitch, wrapped(halfSum - halfDifference)];
+}
+
+/** The same direction within -π … π. */
+function wrapped(angle: number): number {
+  return Math.abs(angle) <= Math.PI ? angle : angle - Math.sign(angle) * 2 * Math.PI;
 }
 
 /** The same attitude, turned about the vertical to face along the world's x axis. The heading that is removed is the twist about

@@ -114,13 +114,13 @@ function placed(visual: Visual, shape: Shape, urdf: Urdf): PlacedShape {
   };
 }
 
-/** Converts a URDF's rgba, which RViz and Gazebo take as sRGB, to linear light. Opacity 0 is assumed to be a mistake for 1. */
+/** Converts a URDF's rgba, which RViz and Gazebo take as sRGB, to linear light. What has opacity 0 is invisible, as there. */
 function paintOf([r = 0, g = 0, b = 0, opacity = 1]: readonly number[]): Paint {
-  return [linear(r), linear(g), linear(b), opacity > 0 ? opacity : 1];
+  return [linear(r), linear(g), linear(b), opacity];
 }
 
 /** Decodes sRGB to linear light, 0…1 (IEC 61966-2-1). */
-function linear(display: number): number {
+export function linear(display: number): number {
   return display <= 0.04045 ? display / 12.92 : ((display + 0.055) / 1.055) ** 2.4;
 }
 

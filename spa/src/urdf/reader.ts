@@ -1,3 +1,4 @@
+import { rpyOf } from '../model/vectors.ts';
 import { distrustMasses, type Finding, isPrintable, quoted } from './finding.ts';
 import {
   type Inertial,
@@ -32,6 +33,16 @@ const SIZES: Readonly<Record<string, readonly string[]>> = {
   sphere: ['radius'],
   capsule: ['radius', 'length'],
 };
+/** The version since which `quat_xyzw` is read, as urdfdom does, and the newest one, as numbers: 1002 is 1.2. */
+const [QUATERNIONS_SINCE, NEWEST] = [1001, 1002];
+/** The attributes of the elements that place or move something; others are reported. */
+const ATTRIBUTES: Readonly<Record<string, readonly string[]>> = {
+  origin: ['xyz', 'rpy', 'quat_xyzw'],
+  axis: ['xyz'],
+  limit: ['lower', 'upper', 'velocity', 'effort', 'acceleration', 'deceleration', 'jerk'],
+  mimic: ['joint', 'multiplier', 'offset'],
+  mesh: ['filename', 'scale'],
+};
 const ROOTS_OF_OTHERS: Readonly<Record<string, string>> = {
   sdf: 'this is SDF, not URDF',
   mujoco: 'this is a MuJoCo model, not URDF',
@@ -59,11 +70,13 @@ class UrdfReader implements Urdf {
   readonly references: { what: string; name: string; by: string; line: number | null }[] = [];
   readonly findings: Finding[] = [];
   readonly #collisions = new Map<Link, readonly Visual[]>();
+  readonly #version: number;
   #shapes = 0;
 
   constructor(root: XmlElement) {
     this.name = root.get('name') ?? '';
     if (this.name === '') this.#say('hint', 'robot-name', '<robot> has no name', root);
+    this.#version = this.#readVersion(root);
     const macro = root.children.find(({ tag }) => tag.startsWith('xacro:'));
     if (macro !== undefined) {
       const text = 'it still has xacro macros; expand them first: xacro robot.xacro > robot.urdf';
@@ -83,6 +96,34 @@ class UrdfReader implements Urdf {
 
   #say(severity: Finding['severity'], code: string, text: string, { line }: { line: number | null }): void {
     this.findings.push({ severity, code, text, line });
+  }
+
+  /** The URDF's version as a number, 1000 for 1.0 or where it has none. */
+  #readVersion(root: XmlElement): number {
+    const text = trimmed(root.get('version') || '1.0');
+    const numbers = /^(\d{1,4})(?:\.(\d{1,4}))?$/.exec(text);
+    if (numbers === null) {
+      const say = `<robot version> ${quoted(text, 40)} is not like '1.1'; read as 1.0`;
+      this.#say('warning', 'version', say, root);
+      return 1000;
+    }
+    const version = Number(numbers[1]) * 1000 + Math.min(Number(numbers[2] ?? 0), 999);
+    if (version > NEWEST) {
+      const shown = `${numbers[1]}.${Number(numbers[2] ?? 0)}`;
+      const say = `URDF ${shown} is newer than 1.2, the newest that is known; read as 1.2`;
+      this.#say('warning', 'version', say, root);
+    }
+    return version;
+  }
+
+  /** Reports attributes that are not read; those of other namespaces belong to other programs. */
+  #checkAttributes(element: XmlElement, what: string): void {
+    const known = ATTRIBUTES[element.tag]!;
+    for (const name of element.attributes) {
+      if (known.includes(name) || name.includes(':') || name === 'xmlns') continue;
+      const say = `${what}: <${element.tag}> has no attribute ${quoted(name, 40)} in URDF; ignored`;
+      this.#say('warning', 'attribute-unknown', say, element);
+    }
   }
 
   /** Shows the collision shapes of a robot without any visuals, such as one made only for planning. */
@@ -142,6 +183,7 @@ class UrdfReader implements Urdf {
     const axis = element.first('axis');
     const limit = element.first('limit');
     const mimic = element.first('mimic');
+    if (axis !== null) this.#checkAttributes(axis, what);
     this.joints.push({
       ...{ name, type: type as JointType, parent, child, ...origin },
       axis: axis === null ? null : this.#vector(axis, 'xyz', [1, 0, 0], what),
@@ -152,6 +194,7 @@ class UrdfReader implements Urdf {
   }
 
   #limit(element: XmlElement, what: string): Limit {
+    this.#checkAttributes(element, what);
     const [lower = null, upper = null, velocity = null, effort = null] = (
       ['lower', 'upper', 'velocity', 'effort'] as const
     ).map((name) => this.#number(element, name, null, what));
@@ -159,6 +202,7 @@ class UrdfReader implements Urdf {
   }
 
   #mimic(element: XmlElement, what: string): Mimic {
+    this.#checkAttributes(element, what);
     const multiplier = this.#number(element, 'multiplier', null, what) ?? 1;
     const offset = this.#number(element, 'offset', null, what) ?? 0;
     return { joint: element.get('joint') ?? '', multiplier, offset, line: element.line };
@@ -211,6 +255,7 @@ class UrdfReader implements Urdf {
     if (shape === undefined) return null;
     const { tag, line } = shape;
     if (tag === 'mesh') {
+      this.#checkAttributes(shape, what);
       const uri = trimmed(shape.get('filename') ?? '');
       if (uri === '') {
         this.#say('error', 'mesh-unnamed', `${what}: a mesh without a filename`, shape);
@@ -315,7 +360,41 @@ class UrdfReader implements Urdf {
   #origin(element: XmlElement, what: string): { xyz: Vector; rpy: Vector } {
     const origin = element.first('origin');
     if (origin === null) return { xyz: ZERO, rpy: ZERO };
-    return { xyz: this.#vector(origin, 'xyz', ZERO, what), rpy: this.#vector(origin, 'rpy', ZERO, what) };
+    this.#checkAttributes(origin, what);
+    return { xyz: this.#vector(origin, 'xyz', ZERO, what), rpy: this.#rpy(origin, what) };
+  }
+
+  /** An origin's rotation, which URDF 1.1 may give as a quaternion instead. */
+  #rpy(origin: XmlElement, what: string): Vector {
+    if (origin.get('quat_xyzw') === null) return this.#vector(origin, 'rpy', ZERO, what);
+    if (this.#version < QUATERNIONS_SINCE) {
+      const say = `${what}: <origin quat_xyzw> is read only with <robot version="1.1">; ignored`;
+      this.#say('warning', 'quaternion', say, origin);
+      return this.#vector(origin, 'rpy', ZERO, what);
+    }
+    if (origin.get('rpy') !== null) {
+      const say = `${what}: <origin> has both rpy and quat_xyzw; remove one. It is not turned`;
+      this.#say('error', 'quaternion', say, origin);
+      return ZERO;
+    }
+    const values = this.#numbers(origin, 'quat_xyzw', what);
+    if (values === null) return ZERO;
+    if (values.length !== 4) {
+      this.#say('error', 'number', `${what}: <origin quat_xyzw> needs four numbers`, origin);
+      return ZERO;
+    }
+    const length = Math.max(...values.map(Math.abs));
+    if (!(length > 1e-100 && length < 1e100)) {
+      this.#say(
+        'error',
+        'quaternion',
+        `${what}: <origin quat_xyzw> has no direction; it is not turned`,
+        origin,
+      );
+      return ZERO;
+    }
+    const [x = 0, y = 0, z = 0, w = 0] = values.map((value) => value / length);
+    return rpyOf([w, x, y, z]);
   }
 
   #vector(element: XmlElement, name: string, absent: Vector, what: string): Vector {

@@ -34,6 +34,11 @@ export class XmlElement {
     return this.#element.getAttribute(name);
   }
 
+  /** The names of its attributes. */
+  get attributes(): readonly string[] {
+    return this.#element.getAttributeNames();
+  }
+
   all(tag: string): XmlElement[] {
     return this.children.filter((child) => child.tag === tag);
   }

@@ -175,7 +175,7 @@ function element(
   children: XmlElement[] = [],
 ): XmlElement {
   return {
-    ...{ tag, children, line: 1 },
+    ...{ tag, children, line: 1, attributes: Object.keys(attributes) },
     get: (name: string) => attributes[name] ?? null,
     all: (one: string) => children.filter((child) => child.tag === one),
     first: (one: string) => children.find((child) => child.tag === one) ?? null,

@@ -3,6 +3,7 @@ import { readFileSync } from 'node:fs';
 import path from 'node:path';
 import { describe, expect, it } from 'vitest';
 import type { MeshFacts } from '../../src/model/report.ts';
+import { quatOfRpy } from '../../src/twin/rotation.ts';
 import { diagnose } from '../../src/urdf/doctor.ts';
 import { general, quoted } from '../../src/urdf/finding.ts';
 import { readUrdf } from '../../src/urdf/reader.ts';
@@ -11,7 +12,7 @@ import { readXml, XmlRefused } from '../../src/urdf/xml.ts';
 type Row = [severity: string, code: string, text: string, line: number | null];
 const CORPUS = JSON.parse(
   readFileSync(path.resolve(import.meta.dirname, '../../../edge-agent/tests/doctor_corpus.json'), 'utf8'),
-) as { urdf: string; meshes?: Record<string, MeshFacts>; findings: Row[] }[];
+) as { urdf: string; meshes?: Record<string, MeshFacts>; findings: Row[]; poses?: number[][] }[];
 
 const found = (
   urdf: string,
@@ -33,6 +34,27 @@ describe("the page's doctor", () => {
       expect(found(urdf, missing, meshes === undefined ? null : new Map(Object.entries(meshes)))).toEqual(
         findings,
       );
+    },
+  );
+
+  it.each(CORPUS.filter(({ poses }) => poses !== undefined).map(({ urdf, poses }) => [urdf, poses!]))(
+    'places what the edge places, whatever the version: %s',
+    (text, poses) => {
+      const { joints, links } = readUrdf(readXml(text));
+      const placed = [
+        ...joints,
+        ...links.flatMap(({ visuals }) => visuals),
+        ...links.flatMap(({ inertial }) => inertial ?? []),
+      ];
+      expect(placed).toHaveLength(poses.length);
+      for (const [i, { xyz, rpy }] of placed.entries()) {
+        const [w, ...rest] = quatOfRpy(rpy);
+        for (const [k, value] of [
+          ...xyz,
+          ...(w < 0 ? [-w, ...rest.map((part) => -part)] : [w, ...rest]),
+        ].entries())
+          expect(value).toBeCloseTo(poses[i]![k]!, 9);
+      }
     },
   );
 

@@ -94,6 +94,13 @@ test('a material defined inside one visual serves those that only name it', () =
   expect(shapes.map(({ paint }) => paint)).toEqual([dark, dark]);
 });
 
+test.each([0, 0.004, 0.4, 1])('what has opacity %s has it, also where it is invisible', (opacity) => {
+  const shape = '<geometry><box size="1 1 1"/></geometry>';
+  const paint = `<material name="m"><color rgba="1 0 1 ${opacity}"/></material>`;
+  const { shapes } = modelIn(robot(`<link name="a"><visual>${shape}${paint}</visual></link>`));
+  expect(shapes.map(({ paint }) => paint)).toEqual([[1, 0, 1, opacity]]);
+});
+
 describe('a joint that mimics another', () => {
   const chain = (...mimics: string[]) =>
     robot(

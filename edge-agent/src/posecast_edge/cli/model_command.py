@@ -44,7 +44,9 @@ from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
 
 DESCRIPTION = "robot_description"
-UP_AXIS_HELP = "apply or ignore the up axis that Collada meshes declare; auto: decide by what fits (auto)"
+UP_AXIS_HELP = (
+    "apply or ignore the up axis of meshes; auto: glTF's, and Collada's if that fits together (auto)"
+)
 SEVERITY_STYLES = {"error": "red", "warning": "yellow"}  # with colours on
 CLEAN, PROBLEMS, UNUSABLE = 0, 1, 2
 BUILD_STATUSES = {
@@ -162,7 +164,7 @@ def _model(
         _print(sys.stderr, f"{args.program}: {text}")
     else:
         with ProgressBar(sys.stderr) as bar:
-            files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
+            files = read_visual_files(robot, Resolver(path, packages), bar.show_progress, args.up_axis)
         if tree.links:
             settle_up_axis(urdf, tree, files, args.up_axis)
         facts = collect_facts(files)

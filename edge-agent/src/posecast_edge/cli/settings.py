@@ -187,7 +187,7 @@ def add_run_flags(
     flag(
         "up-axis",
         _up_axis,
-        "the up axis that Collada meshes declare: auto (by what fits), ignore or apply (auto)",
+        "the up axis of meshes: auto (glTF's, and Collada's if that fits), ignore or apply (auto)",
         AUTO,
     )
 

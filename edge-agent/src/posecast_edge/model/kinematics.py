@@ -54,6 +54,16 @@ def quaternion_from_rpy(rpy: Sequence[float]) -> tuple[float, float, float, floa
     return (w, x, y, z) if w >= 0 else (-w, -x, -y, -z)
 
 
+def rpy_from_quaternion(quat: Sequence[float]) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a quaternion (w, x, y, z) of any length above 0: the inverse of
+    quaternion_from_rpy, exact at a pitch of ±90° too, where only the sum or difference of roll and yaw
+    counts."""
+    w, x, y, z = quat
+    half_sum, half_difference = math.atan2(x + z, w - y), math.atan2(x - z, w + y)
+    pitch = 2 * math.atan2(math.hypot(w + y, x - z), math.hypot(w - y, x + z)) - math.pi / 2
+    return (half_sum + half_difference, pitch, half_sum - half_difference)
+
+
 def normalise_axis(axis: Sequence[float] | None) -> tuple[float, float, float]:
     """The axis scaled to length 1; the x axis if there is none."""
     longest = max(map(abs, axis)) if axis is not None else 0.0

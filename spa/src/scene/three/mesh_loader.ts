@@ -1,32 +1,13 @@
-import {
-  type Color,
-  Loader,
-  LoadingManager,
-  type Material,
-  type Mesh,
-  type MeshStandardMaterial,
-  type Object3D,
-} from 'three';
-import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js'; // loaded anyway: built models need it
 import { type BundleFile, NotNow, type RawFiles } from '../../model/bundle.ts';
 import type { MeshNote } from '../../model/report.ts';
-import type { Paint } from '../../urdf/manifest.ts';
-import type { PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
 import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/meshes/stl.ts';
 import { weld } from '../../urdf/meshes/weld.ts';
-
-/** A mesh read from a file. */
-export interface LoadedMesh {
-  /** One surface for each colour, in the file's own frame, metres. */
-  readonly parts: readonly PaintedSurface[];
-  /** What the reader had to work around. */
-  readonly notes: readonly MeshNote[];
-}
+import type { LoadedMesh } from './loaded_mesh.ts';
 
 export type MeshKind = 'stl' | 'collada' | 'obj' | 'glb';
 
-/** A white pixel that replaces textures, because bundles of version 1 have none. */
-const WHITE = 'data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs=';
+/** How a format is called in a sentence. */
+const NAMES: Readonly<Record<MeshKind, string>> = { stl: 'STL', collada: 'Collada', obj: 'OBJ', glb: 'glTF' };
 
 /** The format of a mesh file, detected from its bytes and not its name: a host may answer an unknown path with a web page, which
  *  read as STL would have four billion triangles. Throws MeshError if the format is unknown. */
@@ -62,43 +43,43 @@ export class MeshLoader {
     return mesh;
   }
 
-  async #parse(bytes: Uint8Array, file: BundleFile): Promise<LoadedMesh> {
-    switch (meshKind(bytes)) {
+  async #parse(kind: MeshKind, bytes: Uint8Array, file: BundleFile): Promise<LoadedMesh> {
+    switch (kind) {
       case 'stl':
         return {
           parts: [{ surface: weld(parseStl(bytes)), paint: null }],
           notes: stlNotes(bytes),
         };
       case 'collada':
-        return readCollada(new TextDecoder().decode(bytes));
+        return (await decoder(import('./collada.ts'))).readCollada(new TextDecoder().decode(bytes));
       case 'obj':
-        return readObj(
+        return (await decoder(import('./obj.ts'))).readObj(
           new TextDecoder().decode(bytes),
           async (name) => (await this.#files.beside?.(file, name)) ?? null,
         );
       case 'glb':
-        return { parts: await readGlb(bytes), notes: [] };
+        return (await decoder(import('./gltf.ts'))).readGlb(bytes);
     }
   }
 
   async #read(file: BundleFile): Promise<LoadedMesh> {
     const bytes = await this.#files.fetch(file);
+    let kind: MeshKind | null = null;
     try {
-      const mesh = await this.#parse(bytes, file);
-      if (mesh.parts.every((part) => part.surface.index.length === 0)) throw new MeshError('no triangles');
+      kind = meshKind(bytes);
+      const mesh = await this.#parse(kind, bytes, file);
+      if (mesh.parts.every((part) => part.surface.index.length === 0))
+        throw new MeshError('it has no triangles');
       return mesh;
     } catch (cause) {
-      const why = cause instanceof Error ? (cause.message.split('\n')[0] ?? '') : String(cause);
+      // What a loader of three.js throws on is no sentence for people.
+      const own = cause instanceof MeshError || cause instanceof NotNow;
+      const why = own
+        ? cause.message
+        : `its ${kind === null ? 'file' : NAMES[kind]} is broken; export it again`;
       throw new MeshError(`${file.path}: ${why}`, { cause });
     }
   }
-}
-
-/** A loading manager that fetches nothing: every file that a mesh refers to becomes a white pixel. */
-function offline(): LoadingManager {
-  const manager = new LoadingManager();
-  manager.setURLModifier((url) => (/^(blob|data):/.test(url) ? url : WHITE));
-  return manager;
 }
 
 /** Code that is loaded when a file needs it. Rejects with NotNow if it can't be loaded. */
@@ -108,128 +89,7 @@ function decoder<T>(code: Promise<T>): Promise<T> {
   });
 }
 
-/** Reads an OBJ, with the colours of its MTL library if `beside` has that file. */
-async function readObj(
-  text: string,
-  beside: (name: string) => Promise<Uint8Array | null>,
-): Promise<LoadedMesh> {
-  const { OBJLoader } = await decoder(import('three/addons/loaders/OBJLoader.js'));
-  const loader = new OBJLoader(offline());
-  const library = /^\s*mtllib\s+(\S.*?)\s*$/m.exec(text)?.[1];
-  const paints = library === undefined ? null : await beside(library);
-  if (paints !== null) {
-    const { MTLLoader } = await decoder(import('three/addons/loaders/MTLLoader.js'));
-    loader.setMaterials(new MTLLoader(offline()).parse(new TextDecoder().decode(paints), ''));
-  }
-  const lost = library !== undefined && paints === null;
-  const notes: MeshNote[] = lost
-    ? [['material-file', `its material library '${library.slice(0, 80)}': no such file`]]
-    : [];
-  return { parts: partsOf(loader.parse(text), paints !== null), notes };
-}
-
-/** Reads a self-contained GLB. Its axes are assumed to be the link's, as for any mesh. */
-async function readGlb(bytes: Uint8Array): Promise<PaintedSurface[]> {
-  const { GLTFLoader } = await decoder(import('three/addons/loaders/GLTFLoader.js'));
-  const loader = new GLTFLoader(offline()).setMeshoptDecoder(MeshoptDecoder);
-  const { scene } = await loader.parseAsync(bytes.slice().buffer, '');
-  return partsOf(scene, true);
-}
-
-/** Reads Collada like RViz: `<unit>` is applied, `<up_axis>` is ignored (vertices are already in the link's frame). */
-async function readCollada(text: string): Promise<LoadedMesh> {
-  const { ColladaLoader } = await decoder(import('three/addons/loaders/ColladaLoader.js'));
-  const scene = new ColladaLoader(offline()).parse(text, '')?.scene;
-  if (scene === undefined) throw new MeshError('no Collada scene');
-  scene.quaternion.identity();
-  scene.position.set(0, 0, 0);
-  return { parts: partsOf(scene, true), notes: colladaNotes(text) };
-}
-
 function stlNotes(bytes: Uint8Array): MeshNote[] {
   const tail = tailBytes(bytes);
   return tail === 0 ? [] : [['stl-tail', `${tail} bytes after the last triangle`]];
-}
-
-/** Notes on a Collada file's unit and up axis, and on how they are treated. */
-function colladaNotes(text: string): MeshNote[] {
-  const asset = /<asset[\s>].*?<\/asset>/s.exec(text.slice(0, 65_536))?.[0] ?? '';
-  const metre = Number(/<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']/.exec(asset)?.[1] ?? 1);
-  const axis = (/<up_axis>([^<]*)</.exec(asset)?.[1] ?? '').trim();
-  const notes: MeshNote[] = [];
-  if (metre !== 1) notes.push(['collada-unit', `its unit is ${metre} m; applied`]);
-  if (axis !== '' && axis !== 'Z_UP')
-    notes.push(['collada-axis', `it says ${axis.slice(0, 10)}; ignored, as RViz does`]);
-  return notes;
-}
-
-/** All meshes of a file in its root's frame, one part for each colour. `colored`: the file has its own materials. */
-function partsOf(scene: Object3D, colored: boolean): PaintedSurface[] {
-  scene.updateMatrixWorld(true);
-  const groups = new Map<string, { soups: Float32Array[]; paint: Paint | null }>();
-  scene.traverse((object) => {
-    if (!isMesh(object)) return;
-    const materials = Array.isArray(object.material) ? object.material : [object.material];
-    const whole = { start: 0, count: Number.POSITIVE_INFINITY, materialIndex: 0 };
-    const ranges = materials.length > 1 ? object.geometry.groups : [whole];
-    for (const { start, count, materialIndex } of ranges) {
-      const paint = paintOf(colored ? materials[materialIndex ?? 0] : undefined);
-      const key = paint?.map((part) => part.toFixed(4)).join(' ') ?? '';
-      const group = groups.get(key) ?? { soups: [], paint };
-      group.soups.push(worldSoup(object, start, count));
-      groups.set(key, group);
-    }
-  });
-  return [...groups.values()].map(({ soups, paint }) => ({ surface: weld(joined(soups)), paint }));
-}
-
-function isMesh(object: Object3D): object is Mesh {
-  return (object as Partial<Mesh>).isMesh === true;
-}
-
-/** The colour of a material; null when the file names none. */
-function paintOf(material: Material | undefined): Paint | null {
-  if (material === undefined || !isFromFile(material) || !('color' in material)) return null;
-  const { r, g, b } = material.color as Color;
-  // Exporters often invert transparency; an opacity of 0 is never intended.
-  return [r, g, b, material.opacity <= 0 ? 1 : material.opacity];
-}
-
-/** False for the magenta or white default that three.js uses if a file names no material. */
-function isFromFile(material: Material): boolean {
-  const { name, type } = material;
-  if (name === Loader.DEFAULT_MATERIAL_NAME) return false;
-  const plain =
-    type === 'MeshStandardMaterial' && (material as MeshStandardMaterial).color.getHex() === 0xffffff;
-  return name !== '' || (type !== 'MeshBasicMaterial' && !plain);
-}
-
-/** The corners (x, y, z each) of a range of a mesh's triangles, in the frame of the file's root. */
-function worldSoup(mesh: Mesh, start: number, count: number): Float32Array {
-  const position = mesh.geometry.getAttribute('position');
-  const index = mesh.geometry.getIndex();
-  const end = Math.min(start + count, index?.count ?? position.count);
-  const m = mesh.matrixWorld.elements;
-  const soup = new Float32Array(Math.max(0, end - start) * 3);
-  for (let i = start; i < end; i += 1) {
-    const corner = index?.getX(i) ?? i;
-    const x = position.getX(corner);
-    const y = position.getY(corner);
-    const z = position.getZ(corner);
-    const at = (i - start) * 3;
-    soup[at] = m[0]! * x + m[4]! * y + m[8]! * z + m[12]!;
-    soup[at + 1] = m[1]! * x + m[5]! * y + m[9]! * z + m[13]!;
-    soup[at + 2] = m[2]! * x + m[6]! * y + m[10]! * z + m[14]!;
-  }
-  return soup;
-}
-
-function joined(soups: readonly Float32Array[]): Float32Array {
-  const all = new Float32Array(soups.reduce((sum, soup) => sum + soup.length, 0));
-  let at = 0;
-  for (const soup of soups) {
-    all.set(soup, at);
-    at += soup.length;
-  }
-  return all;
 }

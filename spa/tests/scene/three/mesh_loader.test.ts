@@ -79,15 +79,15 @@ test('an OBJ has the colours of the library beside it, and none without', async 
   expect(asked).toEqual(['paints.mtl']);
   expect(painted.parts.map(({ paint }) => paint)).toContainEqual([1, 0, 0, 1]);
   const plain = await new MeshLoader({ fetch: async () => bytes }).load(file);
-  expect(painted.notes).toEqual([]);
+  expect(painted.notes.map(([code]) => code)).toEqual(['texture']);
   expect(plain.parts.map(({ paint }) => paint)).toEqual([null]);
   expect(plain.notes).toEqual([['material-file', "its material library 'paints.mtl': no such file"]]);
   expect(plain.parts[0]!.surface.index.length).toBe(6);
 });
 
-test('a GLB lies as its nodes put it, in its colours; its default is no colour', async () => {
+test('a GLB lies as its nodes put it, with y up, in its colours; its default is no colour', async () => {
   const part = (await loaderOf(triangleGlb()).load()).parts[0];
-  expect([...part!.surface.positions]).toEqual([1, 0, 0, 2, 0, 0, 1, 1, 0]);
+  expect([...part!.surface.positions]).toEqual([1, 0, 0, 2, 0, 0, 1, 0, 1]);
   expect(part!.paint).toEqual([0, 0, 1, 1]);
   const bare = (await loaderOf(triangleGlb(null)).load()).parts[0];
   expect(bare!.paint).toBeNull();
@@ -111,5 +111,5 @@ test('what is wrong with a file is one line that names it', async () => {
   const wrong = loaderOf(text('<!DOCTYPE html>')).load();
   await expect(wrong).rejects.toThrow('meshes/x.dae: the server sent a web page instead of a mesh');
   const empty = loaderOf(binaryStl(new Float32Array())).load();
-  await expect(empty).rejects.toThrow('meshes/x.dae: no triangles');
+  await expect(empty).rejects.toThrow('meshes/x.dae: it has no triangles');
 });

@@ -103,7 +103,7 @@ def build_model(robot: RobotFile, resolver: Resolver, progress: Progress, up_axi
             raise ModelRefused(
                 f"joint {quote_name(joint.name)}: an origin more than 10,000 km away", joint.line
             )
-    files = read_visual_files(robot, resolver, progress)
+    files = read_visual_files(robot, resolver, progress, up_axis)
     settle_up_axis(urdf, tree, files, up_axis)
     figure = build_figure(urdf, tree, files)
     document: dict[str, Any] = {"v": VERSION, "robot": urdf.name[:NAME_MAX], **make_skeleton(urdf, tree)}

@@ -12,7 +12,7 @@ from posecast_edge.model.meshes.mesh import Mesh, turn_upright
 from posecast_edge.model.meshes.reader import SideFiles, read_mesh
 from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.resolver import Resolver
-from posecast_edge.model.urdf.types import find_material
+from posecast_edge.model.urdf.types import AUTO, IGNORE, find_material
 
 TRIANGLES_MAX = 10_000_000  # of all meshes
 
@@ -37,10 +37,14 @@ class Files:
     total."""
 
     def __init__(
-        self, resolver: Resolver, textured: Collection[str] = (), meshes: Mapping[str, Mesh] | None = None
+        self,
+        resolver: Resolver,
+        textured: Collection[str] = (),
+        meshes: Mapping[str, Mesh] | None = None,
+        up_axis: str = AUTO,
     ) -> None:
-        """`textured`: URIs of meshes with a texture in the URDF; `meshes`: meshes that need no file, by
-        URI."""
+        """`textured`: URIs of meshes with a texture in the URDF; `meshes`: meshes that need no file, by URI;
+        `up_axis`: one of UP_AXIS_MODES. Unless it says ignore, glTF is turned from y up to z up."""
         self._resolver = resolver
         self._meshes = meshes or {}
         self._textured = textured
@@ -48,6 +52,7 @@ class Files:
         self._by_path: dict[tuple[Path, bool], Mesh | str] = {}
         self._pictures: dict[str, bytes | str] = {}
         self._shelf = SideFiles()
+        self._up_axis = up_axis
         self._upright = False
         self.triangles = 0  # of all meshes read so far
 
@@ -117,14 +122,15 @@ class Files:
         except MemoryError:
             return "needs more memory than this machine has"
         self.triangles += mesh.triangles
-        return turn_upright(mesh) if self._upright else mesh
+        certain = mesh.is_up_certain and self._up_axis != IGNORE
+        return turn_upright(mesh) if self._upright or certain else mesh
 
 
 def _too_many() -> str:
     return f"left out: the robot already has more than {TRIANGLES_MAX:,} triangles"
 
 
-def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress) -> Files:
+def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress, up_axis: str = AUTO) -> Files:
     """Read all files that visuals need, and report progress."""
     urdf = robot.urdf
     pictures: dict[str, None] = {}
@@ -134,7 +140,7 @@ def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress) 
         if shape.geometry is not None and material is not None and material.texture:
             pictures[material.texture] = None
             textured.add(shape.geometry.uri)
-    files = Files(resolver, textured, robot.meshes)
+    files = Files(resolver, textured, robot.meshes, up_axis)
     for uri in pictures:
         files.find_picture(uri)
     shapes = [s.geometry for link in urdf.links for s in link.visuals if s.geometry is not None]

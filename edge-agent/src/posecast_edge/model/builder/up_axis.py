@@ -1,7 +1,8 @@
 """Decides whether to apply the up axis that a robot's Collada files declare.
 
 Exporters write Y_UP whether or not they have already turned the vertices; RViz ignores it. The assembled
-robot shows which is right: the shells of joined links touch, unless they are turned wrongly.
+robot shows which is right: the shells of joined links touch, unless they are turned wrongly. In glTF, y is
+always up, so model_files.py has turned those files, unless the user says otherwise.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -22,13 +23,14 @@ from numpy.typing import NDArray
 from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
 from posecast_edge.model.meshes.mesh import (
     TEXT_MAX,
-    UP_NOTE,
+    UP_NOTES,
     UPRIGHT,
     Expansion,
     Load,
     Mesh,
     Notes,
     Paint,
+    PolygonCutter,
     Rgba,
     Surface,
     select_used_vertices,
@@ -96,6 +98,7 @@ class _Reader:
         self._notes = Notes()
         self._ids: dict[str, Element] = {}
         self._materials = Materials(self._ids, load, pictures, self._notes)
+        self._cutter = PolygonCutter(self._notes)
         self._expansion = Expansion(size)
         self._instances = 0
         # already read, by the element's identity
@@ -114,7 +117,13 @@ class _Reader:
 
     def mesh(self) -> Mesh:
         unit = self._root.find_first("asset", "unit")
-        metre = convert_float(unit.get("meter") if unit else None, 1.0)
+        written = ((unit.get("meter") if unit else None) or "1").strip()
+        metre = convert_float(written.replace(",", "."), 0.0)  # some exporters write a decimal comma
+        if metre == 0:
+            self._notes.add(
+                "collada-unit", f"its unit {quote_name(written, 20)} is not a number above 0; read as 1 m"
+            )
+            metre = 1.0
         if not 1e-9 < metre < 1e9:
             raise ModelRefused(f"its unit is {metre:g} m")
         if metre != 1:
@@ -122,7 +131,7 @@ class _Reader:
         axis = self._root.find_first("asset", "up_axis")
         up = axis.text.strip() if axis is not None else ""
         if up not in ("", "Z_UP"):
-            self._notes.add(UP_NOTE, f"it says {up[:10]}; ignored, as RViz does")
+            self._notes.add(UP_NOTES[0], f"it says {up[:10]}; ignored, as RViz does")
         scene = self._root.find_first("scene", "instance_visual_scene")
         visual = self._target(scene.get("url") if scene else None) or self._root.find_first(
             "library_visual_scenes", "visual_scene"
@@ -163,6 +172,8 @@ class _Reader:
                 shows.append(_Shown("node", child, {}))
             elif child.tag in TRANSFORMS:
                 at = at @ _transform(child)
+            elif child.tag in UNREAD:
+                self._notes.add("collada-transform", f"a <{child.tag}> in its scene is not applied")
             elif child.tag in INSTANCES and (target := self._target(child.get("url"))) is not None:
                 shows.append(_Shown(INSTANCES[child.tag], target, _bindings(child)))
         return _Node(at, tuple(shows))
@@ -220,11 +231,14 @@ class _Reader:
             if "POSITION" not in inputs:
                 continue
             stride = max(offset for offset, _ in inputs.values()) + 1
-            numbers, corners = _corners(element, stride)
+            offset, source = inputs["POSITION"]
+            polygons = _polygons(element, stride)
+            if not len(polygons.numbers):
+                continue
+            positions = self._source(source, 3)
+            numbers, corners = polygons.numbers, self._triangles(polygons, offset, positions)
             if not len(corners):
                 continue
-            offset, source = inputs["POSITION"]
-            positions = self._source(source, 3)
             kept, faces = select_used_vertices(numbers[corners, offset].reshape(-1), len(positions))
             uv, colours = (
                 self._of_corners(inputs, semantic, width, numbers, corners)
@@ -233,6 +247,31 @@ class _Reader:
             symbol = element.get("material") or ""
             url = f"#{symbol}" if symbol else ""
             yield _Piece(symbol, url, positions[kept], faces.reshape(-1, 3), uv, colours)
+
+    def _triangles(
+        self, polygons: _Polygons, offset: int, positions: NDArray[np.float64]
+    ) -> NDArray[np.int64]:
+        """The triangles (m, 3) of polygons as numbers of corners. `offset`: of the position in a corner."""
+        if polygons.tag == "triangles":
+            return np.arange(3 * len(polygons.counts)).reshape(-1, 3)
+        if polygons.tag == "trifans":
+            return triangulate_fans(polygons.counts)
+        if polygons.tag == "tristrips":
+            return _split_strips(polygons.counts)
+        numbers = polygons.numbers[:, offset]
+        if numbers.min() < 0 or numbers.max() >= len(positions):
+            raise ModelRefused("a triangle refers to a vertex that does not exist")
+        at = positions[numbers]
+        total = int(polygons.counts.sum())
+        found = [self._cutter.cut(polygons.counts, at[:total])]
+        start = total
+        for rings in polygons.holes:
+            ends = np.cumsum([start, *rings])
+            cut = self._cutter.cut_rings([at[a:b] for a, b in pairwise(ends)])
+            outline = triangulate_fans(np.array(rings[:1], np.int64))
+            found.append((outline if cut is None else cut) + start)
+            start = int(ends[-1])
+        return np.concatenate(found)
 
     def _of_corners(
         self,
@@ -294,6 +333,7 @@ class _Reader:
 
 # which of a node's children move it, and which show something
 TRANSFORMS = ("matrix", "translate", "rotate", "scale")
+UNREAD = ("skew", "lookat")
 INSTANCES = {
     "instance_node": "node",
     "instance_geometry": "instance_geometry",
@@ -324,32 +364,47 @@ def _placed(piece: _Piece, at: Transform, paint: Paint | None, textured: bool) -
     )
 
 
-def _corners(element: Element, stride: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """All corners' indices (n, stride), and the triangles (m, 3) as numbers of corners."""
+@dataclass(frozen=True)
+class _Polygons:
+    """`numbers`: all corners' indices (n, stride); `counts`: corners of each polygon or strip; `holes`: for
+    polygons with holes, after all others, the corners of each ring."""
+
+    tag: str
+    numbers: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    holes: list[list[int]]
+
+
+def _polygons(element: Element, stride: int) -> _Polygons:
     lists = [extract_integers(p) for p in element.find_all("p")]
-    for hole in element.find_all("ph"):
-        lists += [extract_integers(p) for p in hole.find_all("p")]
+    holes = []
+    for holed in element.find_all("ph"):
+        rings = [extract_integers(ring) for tag in ("p", "h") for ring in holed.find_all(tag)]
+        lists += rings
+        holes.append([len(ring) // stride for ring in rings])
     numbers = np.concatenate(lists) if lists else np.zeros(0, np.int64)
     if any(len(x) % stride for x in lists):
         raise ModelRefused("a list of corners ends within a corner", element.line)
     numbers = numbers.reshape(-1, stride)
-    lengths = np.array([len(x) // stride for x in lists], np.int64)
+    counts = np.array([len(x) // stride for x in lists[: len(lists) - sum(map(len, holes))]], np.int64)
     if element.tag == "triangles":
-        return numbers, np.arange(len(numbers) // 3 * 3).reshape(-1, 3)
-    if element.tag == "polylist":
+        counts = np.full(len(numbers) // 3, 3)
+    elif element.tag == "polylist":
         vcount = element.find_first("vcount")
         counts = extract_integers(vcount) if vcount else np.zeros(0, np.int64)
         if len(counts) and (counts.min() < 0 or counts.max() > len(numbers) or counts.sum() > len(numbers)):
             raise ModelRefused("polygons with more corners than the list has", element.line)
-        return numbers, triangulate_fans(counts)
-    if element.tag in ("polygons", "trifans"):
-        return numbers, triangulate_fans(lengths)
+    return _Polygons(element.tag, numbers, counts, holes)
+
+
+def _split_strips(lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Triangles (m, 3) of strips, as numbers of corners."""
     strips = []
     for first, length in zip(np.cumsum(lengths) - lengths, lengths, strict=True):
         i = np.arange(max(length - 2, 0)) + first
         odd = (i - first) % 2
         strips.append(np.stack([i + odd, i + 1 - odd, i + 2], axis=1))
-    return numbers, np.concatenate(strips) if strips else np.zeros((0, 3), np.int64)
+    return np.concatenate(strips) if strips else np.zeros((0, 3), np.int64)
 
 
 def _transform(element: Element) -> Transform:

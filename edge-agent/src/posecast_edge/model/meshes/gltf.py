@@ -1,11 +1,17 @@
-"""Reads glTF 2.0, as GLB or with separate files: triangles and base colours, in the file's axes, like
-RViz."""
+"""Reads glTF 2.0, as GLB or with separate files: triangles, base colours and their pictures.
+
+The mesh keeps glTF's axes, of which y is up; builder/model_files.py turns them, as RViz does. A problem of a
+material never costs the shape: it gives a note, and the material lacks what could not be read.
+"""
 
 from __future__ import annotations
 
 import binascii
 import json
+import math
+import re
 from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +20,8 @@ from numpy.typing import NDArray
 from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
 from posecast_edge.model.kinematics import matrix_from_quaternion
 from posecast_edge.model.meshes.mesh import (
+    GLTF_UP,
+    UP_NOTES,
     Expansion,
     Floats,
     Load,
@@ -29,20 +37,26 @@ from posecast_edge.model.meshes.texture import Pictures
 JSON_MAX = 16 << 20
 NODES_MAX = 10_000
 DEPTH_MAX = 64
-KNOWN = {"KHR_mesh_quantization", "KHR_materials_unlit", "KHR_texture_transform", "KHR_materials_specular"}
+# extensions that may be required: those that are read, and those that only change how a surface looks; the
+# page has the same list (spa/src/scene/three/gltf.ts)
+KNOWN = re.compile(
+    r"KHR_mesh_quantization|(KHR|EXT|MSFT|ADOBE|FB|GODOT)_(materials?|texture|lights?|xmp|animation)_?.*"
+)
+COMPRESSED = re.compile(r"KHR_draco_mesh_compression|(EXT|KHR)_meshopt_compression")
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
+# what malformed JSON raises where something is looked up in it
+MALFORMED = (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError)
+
+
 def read_gltf(data: bytes, load: Load, pictures: Pictures | None = None) -> Mesh:
-    """Read a file. Raises ModelRefused when it is not glTF or uses compression."""
+    """Read a file. Raises ModelRefused when it is not glTF or needs an extension that is not read, and one of
+    MALFORMED when it is broken."""
     document, binary = _chunks(data) if data[:4] == b"glTF" else (_json(data), None)
-    try:
-        reader = _Reader(document, binary, load, pictures or Pictures(), len(data))
-        return Mesh(tuple(reader.surfaces()), reader.notes.list_entries())
-    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as e:
-        reason = make_printable(f"{type(e).__name__} {str(e)[:60]}")
-        raise ModelRefused(f"its glTF is broken: {reason}") from None
+    reader = _Reader(document, binary, load, pictures or Pictures(), len(data))
+    return Mesh(tuple(reader.surfaces()), reader.notes.list_entries(), "Y_UP", is_up_certain=True)
 
 
 def _json(text: bytes) -> dict[str, Any]:
@@ -82,16 +96,18 @@ class _Reader:
         self._binary = binary
         self._pictures = pictures
         self._picture_bytes = size  # limit for all pictures inside it: they do not overlap
-        self._paints: dict[int, Paint] = {}
+        self._looks: dict[int, _Look] = {}
         self._images: dict[int, bytes | None] = {}
         self._places: dict[int, NDArray[np.float64]] = {}  # of nodes, in their parents
         self._parts: dict[int, _Part] = {}  # by the identity of their JSON
         self._expansion = Expansion(size)
         self._visited = 0
         self.notes = Notes()
-        unknown = sorted({name for name in document.get("extensionsRequired", []) if name not in KNOWN})
+        self.notes.add(UP_NOTES[1], f"{GLTF_UP}; not turned because of --up-axis")
+        unknown = sorted({n for n in document.get("extensionsRequired", []) if not KNOWN.fullmatch(n)})
         if unknown:
-            raise ModelRefused(f"it needs {make_printable(unknown[0][:60])}; export it without compression")
+            how = "compression" if COMPRESSED.fullmatch(unknown[0]) else "this extension"
+            raise ModelRefused(f"it needs {make_printable(unknown[0][:60])}; export it without {how}")
 
     def surfaces(self) -> Iterator[Surface]:
         document = self._document
@@ -144,14 +160,29 @@ class _Reader:
         corners = 3 * triangles if mode == 4 else corners
         numbers = np.arange(corners) if indices is None else indices[:corners, 0].astype(np.int64)
         kept, place = select_used_vertices(numbers, count)
-        uv = None
-        if "TEXCOORD_0" in attributes:
-            uv = self._values(attributes["TEXCOORD_0"], 2, kept, count).astype(np.float32)
-        paint = self._paint(primitive.get("material"))
+        look = self._look(primitive.get("material"))
+        uv = self._uv(attributes, look, kept, count)
         colours = self._colours(attributes, kept, count)
         faces = _faces(place, mode).astype(np.int32)
         positions = self._values(attributes["POSITION"], 3, kept, count)
-        return _Part(triangles, positions, faces, uv, paint, colours)
+        return _Part(triangles, positions, faces, uv, look.paint, colours)
+
+    def _uv(
+        self, attributes: dict[str, Any], look: _Look, kept: NDArray[np.int64], count: int
+    ) -> Floats | None:
+        """Texture coordinates (n, 2) of the set that the material's picture uses; None without them."""
+        name = f"TEXCOORD_{look.uv_set}"
+        if name not in attributes:
+            if look.paint is not None and look.paint.texture is not None:
+                self.notes.add("texture", f"a texture in it: its mesh has no {name}")
+            return None
+        try:
+            uv = self._values(attributes[name], 2, kept, count)
+        except (ModelRefused, *MALFORMED):
+            self.notes.add("texture", f"a texture in it: {name} can't be read")
+            return None
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is left out later
+            return (uv @ look.uv_turn.T + look.uv_offset).astype(np.float32)
 
     def _colours(self, attributes: dict[str, Any], kept: NDArray[np.int64], count: int) -> Floats | None:
         """Display values (n, 3) of vertices with colours."""
@@ -224,23 +255,51 @@ class _Reader:
         except ModelRefused as e:
             raise ModelRefused(f"its file {quote_name(uri, 40)}: {e.reason}") from None
 
-    def _paint(self, index: int | None) -> Paint | None:
+    def _look(self, index: int | None) -> _Look:
         if index is None:
-            return None
+            return PLAIN
         number = _whole(index)
-        if number not in self._paints:
-            self._paints[number] = self._read_paint(_at(self._document["materials"], number))
-        return self._paints[number]
+        if number not in self._looks:
+            try:
+                self._looks[number] = self._read_look(_at(self._document["materials"], number))
+            except (ModelRefused, *MALFORMED):
+                self.notes.add("material", "a material in it can't be read; it is shown without")
+                self._looks[number] = PLAIN
+        return self._looks[number]
 
-    def _read_paint(self, material: dict[str, Any]) -> Paint:
-        pbr = material.get("pbrMetallicRoughness", {})
-        r, g, b, a = (clip_to_unit(float(x)) for x in pbr.get("baseColorFactor", (1, 1, 1, 1)))
+    def _read_look(self, material: dict[str, Any]) -> _Look:
+        pbr, factor, picture = material.get("pbrMetallicRoughness", {}), "baseColorFactor", "baseColorTexture"
+        glossy = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+        if glossy is not None:
+            pbr, factor, picture = glossy, "diffuseFactor", "diffuseTexture"
+        r, g, b, a = (clip_to_unit(float(x)) for x in pbr.get(factor, (1, 1, 1, 1)))
         alpha = a if material.get("alphaMode") == "BLEND" and a >= 0.02 else 1.0
-        rgba = (_display(r), _display(g), _display(b), alpha)
-        texture = pbr.get("baseColorTexture")
-        if texture is None:
-            return Paint(rgba)
-        return Paint(rgba, self._picture(_whole(_at(self._document["textures"], texture["index"])["source"])))
+        paint = Paint((_display(r), _display(g), _display(b), alpha))
+        if picture not in pbr:
+            return _Look(paint)
+        try:
+            return self._read_texture(paint, pbr[picture])
+        except ModelRefused as e:
+            self.notes.add("texture", f"a texture in it: {e.reason}")
+        except MALFORMED:
+            self.notes.add("texture", "a texture in it can't be read")
+        return _Look(paint)
+
+    def _read_texture(self, paint: Paint, info: dict[str, Any]) -> _Look:
+        """A material with its picture and where that lies."""
+        texture = _at(self._document["textures"], info["index"])
+        extensions = texture.get("extensions", {})
+        webp, ktx = (extensions.get(name, {}) for name in ("EXT_texture_webp", "KHR_texture_basisu"))
+        source = webp.get("source", texture.get("source"))
+        if source is None:
+            raise ModelRefused("a KTX2 picture; export it as PNG or JPEG" if ktx else "it has no picture")
+        moved = info.get("extensions", {}).get("KHR_texture_transform", {})
+        uv_set = _whole(moved.get("texCoord", info.get("texCoord", 0)))
+        angle = float(moved.get("rotation", 0))
+        s, c = math.sin(angle), math.cos(angle)
+        scale, offset = (np.array(moved.get(k, (d, d)), np.float64) for k, d in (("scale", 1), ("offset", 0)))
+        turn = np.array([[c, s], [-s, c]]) * scale.reshape(2)  # counter-clockwise, with v downwards
+        return _Look(replace(paint, texture=self._picture(_whole(source))), uv_set, turn, offset.reshape(2))
 
     def _picture(self, number: int) -> bytes | None:
         if number not in self._images:
@@ -260,6 +319,20 @@ class _Reader:
         if self._picture_bytes < 0:
             raise ModelRefused("its pictures together are larger than the file")
         return bytes(inside)
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A material: its paint, the set of texture coordinates that its picture uses, and how these are turned
+    (2 × 2) and then moved."""
+
+    paint: Paint | None
+    uv_set: int = 0
+    uv_turn: NDArray[np.float64] = field(default_factory=lambda: np.eye(2))
+    uv_offset: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+
+
+PLAIN = _Look(None)  # of a primitive without a material
 
 
 class _Part(NamedTuple):

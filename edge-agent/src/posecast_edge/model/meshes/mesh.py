@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import mapbox_earcut
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +19,8 @@ TRIANGLES_MAX = 5_000_000  # of one mesh
 NOTES_MAX = 20  # of one mesh; further ones are dropped
 SHOWN_AGAIN_MAX = 1_000_000  # triangles that repeated parts may add to those that the file's bytes can hold
 NAMES_SHOWN = 6  # in one line
-UP_NOTE = "collada-axis"  # the code of a note about an up axis
+UP_NOTES = ("collada-axis", "gltf-axis")  # the codes of notes about an up axis
+GLTF_UP = "the y axis of glTF is up"
 PLACING = 128  # triangles counted for placing a part, in addition to its own
 
 Floats = NDArray[np.float32]
@@ -61,11 +63,13 @@ UPRIGHT = {
 @dataclass(frozen=True)
 class Mesh:
     """Surfaces with their paints. `notes`: (code, text) of problems that the reader tolerated. `up`: the
-    file's up axis (a key of UPRIGHT) if it is not z and has not been applied, otherwise ""."""
+    file's up axis (a key of UPRIGHT) if it is not z and has not been applied, otherwise "". `is_up_certain`:
+    the format itself says which axis is up (glTF), so that no exporter can have meant another."""
 
     surfaces: tuple[Surface, ...]
     notes: tuple[tuple[str, str], ...] = ()
     up: str = ""
+    is_up_certain: bool = False
 
     @property
     def triangles(self) -> int:
@@ -102,8 +106,12 @@ def turn_upright(mesh: Mesh) -> Mesh:
         return mesh
     turn = UPRIGHT[mesh.up].astype(np.float32)
     surfaces = tuple(replace(s, positions=s.positions @ turn.T) for s in mesh.surfaces)
-    kept = tuple(note for note in mesh.notes if note[0] != UP_NOTE)
-    return Mesh(surfaces, (*kept, (UP_NOTE, f"it says {mesh.up}; applied")))
+    kept = tuple(note for note in mesh.notes if note[0] not in UP_NOTES)
+    collada, gltf = UP_NOTES
+    said = (
+        (gltf, f"{GLTF_UP}; turned to z") if mesh.is_up_certain else (collada, f"it says {mesh.up}; applied")
+    )
+    return Mesh(surfaces, (said, *kept))
 
 
 class Expansion:
@@ -200,9 +208,112 @@ def validate_mesh(mesh: Mesh) -> Mesh:
 
 
 def triangulate_fans(counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Divide polygons with `counts` corners into triangles (m, 3) of corner numbers. Corners are numbered
-    through all polygons."""
+    """Divide convex polygons with `counts` corners into triangles (m, 3) of corner numbers. Corners are
+    numbered through all polygons."""
     triangles = np.maximum(counts - 2, 0)
     first = np.repeat(np.cumsum(counts) - counts, triangles)
     step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
     return np.stack([first, first + step + 1, first + step + 2], axis=1)
+
+
+# --- polygons of any shape; the page does the same (spa/src/urdf/meshes/polygons.ts)
+
+EARS_MAX = 10_000  # corners of a polygon that is cut: cutting takes up to their square
+EARS_WORK_MAX = 2_000_000_000  # sum of those squares, of one mesh
+BEYOND_EARS = ("polygon", "polygons with too many corners; their notches and holes are filled")
+STRAIGHT = 1e-6  # sine of an angle: corners that turn back by less count as straight
+
+
+class PolygonCutter:
+    """Divides the polygons of one mesh into triangles. Convex ones become fans; others are cut by ears, as
+    far as their corners allow it."""
+
+    def __init__(self, notes: Notes) -> None:
+        self._notes = notes
+        self._work = 0
+
+    def cut(self, counts: NDArray[np.int64], corners: NDArray[np.floating]) -> NDArray[np.int64]:
+        """Divide polygons with `counts` corners, at `corners` (n, 3), into triangles (m, 3) of corner
+        numbers, in the polygons' order."""
+        triangles = triangulate_fans(counts)
+        starts = np.cumsum(counts) - counts
+        turned_back = _find_reflex(counts, corners.astype(np.float64))
+        if not turned_back.any():
+            return triangles
+        first = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)  # triangle of a polygon
+        quads = np.flatnonzero(counts == 4)
+        other = quads[turned_back[starts[quads] + 1] | turned_back[starts[quads] + 3]]  # diagonal
+        for triangle, ends in enumerate(((1, 2, 3), (1, 3, 0))):
+            triangles[first[other] + triangle] = starts[other][:, None] + ends
+        of = np.repeat(np.arange(len(counts)), counts)  # polygon of a corner
+        concave = np.unique(of[turned_back[: len(of)]])
+        replaced = np.zeros(len(triangles), bool)
+        pieces, order = [], []
+        for number in concave[counts[concave] > 4].tolist():
+            start, count = int(starts[number]), int(counts[number])
+            cut = self.cut_rings([corners[start : start + count]])
+            if cut is not None:
+                replaced[first[number] : first[number] + count - 2] = True
+                pieces.append(cut + start)
+                order.append(np.full(len(cut), first[number]))
+        if not pieces:
+            return triangles
+        kept = np.flatnonzero(~replaced)
+        every = np.concatenate([triangles[kept], *pieces])
+        return every[np.argsort(np.concatenate([kept, *order]), kind="stable")]
+
+    def cut_rings(self, rings: list[NDArray[np.floating]]) -> NDArray[np.int64] | None:
+        """Cut an outline and its holes, each (n, 3), into triangles of corner numbers through all rings. None
+        if they have too many corners or no area."""
+        corners = np.concatenate(rings).astype(np.float64)
+        self._work += len(corners) ** 2
+        if len(corners) > EARS_MAX or self._work > EARS_WORK_MAX:
+            self._notes.add(*BEYOND_EARS)
+            return None
+        normal = _normals(np.array([len(rings[0])]), corners[: len(rings[0])])[0]
+        if len(rings[0]) < 3 or not np.isfinite(corners).all() or not normal.any():
+            return None
+        drop = int(np.abs(normal).argmax())
+        axes = [(1, 2), (2, 0), (0, 1)][drop]
+        flat = (corners - corners[0])[:, axes if normal[drop] > 0 else axes[::-1]]
+        flat /= np.abs(flat).max()
+        ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
+        cut = (
+            mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), ends)
+            .reshape(-1, 3)
+            .astype(np.int64)
+        )
+        (ax, ay), (bx, by), (cx, cy) = (flat[cut[:, k]].T for k in range(3))
+        doubled = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        return cut[:, ::-1] if doubled.sum() < 0 else cut
+
+
+def _normals(counts: NDArray[np.int64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Newell's normals (n, 3) of polygons, with a length of twice their area."""
+    starts = np.cumsum(counts) - counts
+    following = np.arange(1, len(corners) + 1)
+    following[starts + counts - 1] = starts
+    about = np.repeat(corners[starts], counts, axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(np.add.reduceat(np.cross(corners - about, corners[following] - about), starts))
+
+
+def _find_reflex(counts: NDArray[np.int64], corners: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Of each corner, whether it turns back, or may: one at the same place as the next. A triangle has
+    none."""
+    found = np.zeros(len(corners), bool)
+    large = counts[counts > 3]
+    if not len(large):
+        return found
+    inside = np.flatnonzero(np.repeat(counts > 3, counts))
+    points, starts = corners[inside], np.cumsum(large) - large
+    before, after = np.arange(-1, len(points) - 1), np.arange(1, len(points) + 1)
+    before[starts] = starts + large - 1
+    after[starts + large - 1] = starts
+    with np.errstate(over="ignore", invalid="ignore"):
+        normals = np.repeat(_normals(large, points), large, axis=0)
+        come, go = points - points[before], points[after] - points
+        turn = np.einsum("ij,ij->i", np.cross(come, go), normals)
+        lengths = np.linalg.norm(come, axis=1) * np.linalg.norm(go, axis=1) * np.linalg.norm(normals, axis=1)
+        found[inside] = (turn < -STRAIGHT * lengths) | (lengths == 0)
+    return found

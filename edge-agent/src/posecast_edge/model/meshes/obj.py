@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from codecs import BOM_UTF8
 from dataclasses import dataclass, field
 from itertools import chain
@@ -17,11 +18,11 @@ from posecast_edge.model.meshes.mesh import (
     Mesh,
     Notes,
     Paint,
+    PolygonCutter,
     Rgba,
     Surface,
     clip_to_unit,
     select_used_vertices,
-    triangulate_fans,
 )
 from posecast_edge.model.meshes.texture import Pictures
 
@@ -29,6 +30,7 @@ DEFAULT = (0.8, 0.8, 0.8)  # Kd
 VERTICES_MAX = 3 * TRIANGLES_MAX  # also of texture coordinates: more could not be used
 NUMBER_MAX = 1 << 31  # of a vertex
 MATERIALS_MAX = 10_000  # of one mesh
+LIBRARIES = re.compile(r"(?<=\.mtl)\s+", re.IGNORECASE)  # between the names of a line, which may have spaces
 
 
 @dataclass
@@ -53,7 +55,7 @@ def read_obj(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures 
     group = groups.setdefault("", _Group())
     triangles = 0
     for line in data.removeprefix(BOM_UTF8).replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").splitlines():
-        word, _, rest = line.strip().partition(b" ")
+        word, rest = (*line.split(None, 1), b"", b"")[:2]
         if word == b"v":
             vertices.append(rest)
         elif word == b"vt":
@@ -67,19 +69,21 @@ def read_obj(data: bytes, load: Load, keep_uv: bool = False, pictures: Pictures 
             if len(groups) > MATERIALS_MAX:
                 raise ModelRefused(f"more than {MATERIALS_MAX:,} materials")
         elif word == b"mtllib":
-            library.read(rest.strip().decode("utf-8", "replace"))
+            library.read_all(rest.strip().decode("utf-8", "replace"))
     if max(len(vertices), len(textures)) > VERTICES_MAX:
         raise ModelRefused(f"more than {VERTICES_MAX:,} vertices")
     positions = _rows(vertices, 3)
     uv = _rows(textures, 2)
-    coloured = bool(vertices) and all(line.count(b" ") >= 5 and _words(line, 6) for line in vertices)
+    coloured = bool(vertices) and all(len(line) > 10 and _words(line, 6) for line in vertices)
     colours = _rows(vertices, 6)[:, 3:] if coloured else None  # v x y z r g b, as scanners write it
+    cutter = PolygonCutter(notes)
     surfaces = []
     for name, group in groups.items():
         if group.counts:
             paint = library.paint(name)
             pictured = keep_uv or (paint is not None and paint.texture is not None)
-            surfaces.append(_surface(group, positions, uv if pictured else None, paint, colours))
+            placed = library.place_picture(name, uv) if pictured else None
+            surfaces.append(_surface(group, positions, placed, paint, colours, cutter))
     return Mesh(tuple(surfaces), notes.list_entries())
 
 
@@ -123,10 +127,15 @@ def _words(line: bytes, count: int) -> list[bytes]:
 
 
 def _surface(
-    group: _Group, positions: Floats, uv: Floats | None, paint: Paint | None, colours: Floats | None
+    group: _Group,
+    positions: Floats,
+    uv: Floats | None,
+    paint: Paint | None,
+    colours: Floats | None,
+    cutter: PolygonCutter,
 ) -> Surface:
-    corners = triangulate_fans(np.array(group.counts, np.int64))
     kept, vertex = select_used_vertices(np.array(group.vertex, np.int64), len(positions))
+    corners = cutter.cut(np.array(group.counts, np.int64), positions[kept][vertex])
     texture = np.array(group.texture, np.int64)
     if uv is None or texture.min() < 0 or texture.max() >= len(uv):
         own = None if colours is None else colours[kept]
@@ -151,11 +160,22 @@ class _Library:
         self._notes = notes
         self._known: set[str] = set()
         self._paints: dict[str, Paint] = {}
+        self._placements: dict[str, tuple[Floats, Floats]] = {}  # scale and offset of a picture, from below
+
+    def place_picture(self, name: str, uv: Floats) -> Floats:
+        """Texture coordinates after a material's `-s` and `-o`."""
+        scale, offset = self._placements.get(name, (1.0, 0.0))
+        return uv * scale + offset
 
     def paint(self, name: str) -> Paint | None:
         """A material; None when no library has it."""
         paint = self._paints.get(name)
         return None if paint is None else _lit(paint)
+
+    def read_all(self, names: str) -> None:
+        """Read the files that a line names."""
+        for name in LIBRARIES.split(names):
+            self.read(name)
 
     def read(self, name: str) -> None:
         """Read one more file. A problem gives a note."""
@@ -177,6 +197,9 @@ class _Library:
                 paints[current] = Paint((*DEFAULT, 1.0))
             elif rest and current in paints:
                 paints[current] = self._changed(paints[current], key, rest)
+                if key == "map_kd":
+                    words = rest.split()
+                    self._placements[current] = (_option(words, "-s", 1.0), _option(words, "-o", 0.0))
         self._paints.update(paints)
 
     def _changed(self, paint: Paint, key: str, rest: str) -> Paint:
@@ -207,6 +230,18 @@ def _picture_name(words: list[str]) -> str:
         while at < len(words) - 1 and _is_number(words[at]):
             at += 1
     return " ".join(words[at:])
+
+
+def _option(words: list[str], option: str, default: float) -> Floats:
+    """The u and v of an option; a missing number is the default."""
+    values = [default, default]
+    if option in words[:-1]:
+        for i, word in enumerate(words[words.index(option) + 1 :][:2]):
+            if not _is_number(word):
+                break
+            values[i] = float(word)
+    found = np.array(values, np.float32)
+    return found if np.isfinite(found).all() else np.full(2, default, np.float32)
 
 
 def _is_number(word: str) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.meshes.collada import read_collada
-from posecast_edge.model.meshes.gltf import read_gltf
+from posecast_edge.model.meshes.gltf import MALFORMED, read_gltf
 from posecast_edge.model.meshes.mesh import (
     FILE_MAX,
     TEXT_MAX,
@@ -27,6 +27,8 @@ from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.texture import Pictures
 from posecast_edge.model.urdf.resolver import Resolver, read_bounded
 
+NAMES = {".stl": "STL", ".dae": "Collada", ".obj": "OBJ"}  # of formats, in a sentence
+
 
 def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: SideFiles | None = None) -> Mesh:
     """Read and check a mesh. Raises ModelRefused, which says why it can't be shown.
@@ -34,7 +36,11 @@ def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: Side
     `keep_uv`: the URDF has a picture for it, so texture coordinates are needed even if the file has no
     picture. `shelf`: files that the robot's meshes share.
     """
-    mesh = validate_mesh(_read(path, resolver, keep_uv, shelf or SideFiles()))
+    try:
+        mesh = validate_mesh(_read(path, resolver, keep_uv, shelf or SideFiles()))
+    except MALFORMED:  # what an exception says is no sentence for people
+        name = NAMES.get(path.suffix.lower(), "glTF")
+        raise ModelRefused(f"its {name} is broken; export it again") from None
     return replace(mesh, surfaces=tuple(split_all_by_colour(mesh.surfaces)))
 
 

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from PIL import Image
 
-from posecast_edge.model.finding import ModelRefused, make_printable
+from posecast_edge.model.finding import ModelRefused
 
 FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "WEBP", "GIF")
 PIXELS_MAX = 4096 * 4096  # of one picture, at four bytes each; even a file of 50 kB can have so many
@@ -148,6 +148,5 @@ def _reading() -> Iterator[None]:
             yield
     except ModelRefused:
         raise
-    except Exception as e:
-        reason = make_printable(str(e)[:60])
-        raise ModelRefused(f"not a readable picture: {reason or type(e).__name__}") from None
+    except Exception:
+        raise ModelRefused("not a readable picture: export it as PNG or JPEG") from None

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from posecast_edge.model.finding import ModelRefused, quote_name
 from posecast_edge.model.sdf.shapes import DIMENSIONS, MOMENTS, join_uri
-from posecast_edge.model.sdf.values import SdfValues, get_text, get_version
+from posecast_edge.model.sdf.values import NEWEST, SdfValues, get_text, get_version
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
 from posecast_edge.model.urdf.resolver import Resolver, open_file
 from posecast_edge.model.urdf.types import (
@@ -84,6 +84,10 @@ class IncludeReader:
     def _list_models(self, root: Element, base: str, files: tuple[Path, ...]) -> Iterator[ModelElement]:
         """At the top of a file, and in its worlds."""
         version = get_version(root)
+        if version > NEWEST:
+            given, newest = (".".join(map(str, v)) for v in (version, NEWEST))
+            text = f"SDF {given} is newer than {newest}, the newest that is known; read as that"
+            self._values.note("warning", "version", text, root)
         for holder in (root, *root.find_all("world")):
             for child in holder.children:
                 if child.tag == "model":

@@ -11,6 +11,10 @@ from posecast_edge.model.urdf.reader import NAME_MAX, parse_floats
 from posecast_edge.model.urdf.types import FAR_M, Pose, Vector
 from posecast_edge.model.urdf.xml_tree import Element
 
+NEWEST = (1, 12)  # SDF version that is known
+ROTATIONS = ("euler_rpy", "quat_xyzw")
+POSE_ATTRIBUTES = ("relative_to", "rotation_format", "degrees", "frame")  # the last until SDF 1.6
+
 
 class SdfValues:
     """Reads values, and collects what is wrong with them."""
@@ -48,7 +52,10 @@ class SdfValues:
         """The transform of a `<pose>`: six numbers, or seven with a quaternion."""
         if element is None:
             return identity()
-        if element.get("rotation_format") == "quat_xyzw":
+        form = element.get("rotation_format") or ROTATIONS[0]
+        if not self._is_known(element, form, what):
+            return identity()
+        if form == "quat_xyzw":
             values = self.read_numbers(element, 7, what)
             if values is None:
                 return identity()
@@ -59,13 +66,22 @@ class SdfValues:
                 return identity()
             quat = (w / length, x / length, y / length, z / length)
             return self._near(matrix_from_quaternion(values[:3], quat), element, what)
-        values = self.read_numbers(element, 6, what)
-        if values is None:
-            return identity()
         unit = math.pi / 180 if element.get("degrees") in ("true", "1") else 1.0
+        values = self.read_numbers(element, 6, what) or [0.0] * 6
         x, y, z, roll, pitch, yaw = values
         pose = Pose((x, y, z), (roll * unit, pitch * unit, yaw * unit))
         return self._near(pose.to_matrix(), element, what)
+
+    def _is_known(self, pose: Element, form: str, what: str) -> bool:
+        """Whether a pose's rotation is in a known format; attributes that are not read are reported."""
+        for name in pose.attributes:
+            if name not in POSE_ATTRIBUTES and ":" not in name:
+                say = f"{what}: <pose> has no attribute {quote_name(name, 40)} in SDF; ignored"
+                self.note("warning", "attribute-unknown", say, pose)
+        if form not in ROTATIONS:
+            say = f"{what}: <pose> has the unknown rotation_format {quote_name(form, 40)}; left out"
+            self.note("error", "number", say, pose)
+        return form in ROTATIONS
 
     def _near(self, transform: Matrix, element: Element, what: str) -> Matrix:
         if max(abs(transform[i][3]) for i in range(3)) <= FAR_M:

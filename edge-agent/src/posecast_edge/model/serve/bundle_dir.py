@@ -145,7 +145,7 @@ def _chunks(path: Path, most: int) -> Iterator[bytes]:
 
 ENTRIES = 16
 INPUTS = "inputs.json"
-BUILDER = 9  # goes up when the same input gives another bundle
+BUILDER = 10  # goes up when the same input gives another bundle
 
 
 def find_cache_folder(environment: Mapping[str, str]) -> Path | None:

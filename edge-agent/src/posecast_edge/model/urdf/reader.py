@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from posecast_edge.model.finding import Finding, ModelRefused, distrust_masses, make_printable, quote_name
+from posecast_edge.model.kinematics import rpy_from_quaternion
 from posecast_edge.model.urdf.resolver import open_file
 from posecast_edge.model.urdf.types import (
     JOINT_TYPES,
@@ -44,10 +45,20 @@ SHAPES = {
     "sphere": ("radius",),
     "capsule": ("radius", "length"),
 }
+QUATERNIONS_SINCE = (1, 1)  # `quat_xyzw`, as urdfdom reads it
+NEWEST = (1, 2)
+ATTRIBUTES = {  # of the elements that place or move something; others are reported
+    "origin": {"xyz", "rpy", "quat_xyzw"},
+    "axis": {"xyz"},
+    "limit": {"lower", "upper", "velocity", "effort", "acceleration", "deceleration", "jerk"},
+    "mimic": {"joint", "multiplier", "offset"},
+    "mesh": {"filename", "scale"},
+}
 # narrower than Python's float(), which takes 1_0 and digits of other scripts too
 NUMBER = re.compile(
     r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?|nan|inf(?:inity)?)", re.IGNORECASE
 )
+VERSION = re.compile(r"[0-9]{1,4}(?:\.[0-9]{1,4})?")
 ROOTS_OF_OTHERS = {
     "sdf": "this is SDF, not URDF",
     "mujoco": "this is a MuJoCo model, not URDF",
@@ -92,6 +103,7 @@ class _Reader:
         if not self.urdf.name:
             self._note("hint", "robot-name", "<robot> has no name", root)
         self._shapes = 0
+        self._version = self._read_version(root)
         self._xacro(root)
         for element in root.find_all("material"):
             self._define(self._material(element))
@@ -110,6 +122,29 @@ class _Reader:
 
     def _note(self, severity: str, code: str, text: str, element: Element) -> None:
         self.urdf.findings.append(Finding(severity, code, text, element.line))
+
+    def _read_version(self, root: Element) -> tuple[int, ...]:
+        """The URDF's version; 1.0 where it has none."""
+        text = (root.get("version") or "1.0").strip()
+        if not VERSION.fullmatch(text):
+            say = f"<robot version> {quote_name(text, 40)} is not like '1.1'; read as 1.0"
+            self._note("warning", "version", say, root)
+            return (1, 0)
+        major, _, minor = text.partition(".")
+        version = (int(major), int(minor or 0))
+        if version > NEWEST:
+            say = f"URDF {major}.{version[1]} is newer than 1.2, the newest that is known; read as 1.2"
+            self._note("warning", "version", say, root)
+        return version
+
+    def _check_attributes(self, element: Element | None, what: str) -> None:
+        """Report attributes that are not read; those of other namespaces belong to other programs."""
+        if element is None:
+            return
+        for name in element.attributes:
+            if name not in {*ATTRIBUTES[element.tag], "xmlns"} and ":" not in name:
+                say = f"{what}: <{element.tag}> has no attribute {quote_name(name, 40)} in URDF; ignored"
+                self._note("warning", "attribute-unknown", say, element)
 
     def _xacro(self, root: Element) -> None:
         if any(c.tag.startswith("xacro:") for c in root.children):
@@ -160,6 +195,7 @@ class _Reader:
                 self._note("error", "joint-ends", f"{what}: no {end} link", element)
             ends.append(link or "")
         axis = element.find_first("axis")
+        self._check_attributes(axis, what)
         self.urdf.joints.append(
             Joint(
                 name, kind, ends[0], ends[1], self._pose(element, what),
@@ -173,6 +209,7 @@ class _Reader:
     def _limit(self, element: Element | None, what: str) -> Limit | None:
         if element is None:
             return None
+        self._check_attributes(element, what)
         lower, upper, velocity, effort = (
             self._number(element, name, None, what) for name in ("lower", "upper", "velocity", "effort")
         )
@@ -181,6 +218,7 @@ class _Reader:
     def _mimic(self, element: Element | None, what: str) -> Mimic | None:
         if element is None:
             return None
+        self._check_attributes(element, what)
         multiplier = self._number(element, "multiplier", None, what)
         offset = self._number(element, "offset", None, what)
         joint = element.get("joint") or ""
@@ -227,6 +265,7 @@ class _Reader:
             return None
         shape = known[0]
         if shape.tag == "mesh":
+            self._check_attributes(shape, what)
             uri = (shape.get("filename") or "").strip()
             if not uri:
                 self._note("error", "mesh-unnamed", f"{what}: a mesh without a filename", shape)
@@ -331,7 +370,31 @@ class _Reader:
         origin = element.find_first("origin")
         if origin is None:
             return Pose()
-        return Pose(self._vector(origin, "xyz", ZERO, what), self._vector(origin, "rpy", ZERO, what))
+        self._check_attributes(origin, what)
+        return Pose(self._vector(origin, "xyz", ZERO, what), self._rpy(origin, what))
+
+    def _rpy(self, origin: Element, what: str) -> Vector:
+        """An origin's rotation, which URDF 1.1 may give as a quaternion instead."""
+        if origin.get("quat_xyzw") is None:
+            return self._vector(origin, "rpy", ZERO, what)
+        if self._version < QUATERNIONS_SINCE:
+            say = f'{what}: <origin quat_xyzw> is read only with <robot version="1.1">; ignored'
+            self._note("warning", "quaternion", say, origin)
+            return self._vector(origin, "rpy", ZERO, what)
+        if origin.get("rpy") is not None:
+            say = f"{what}: <origin> has both rpy and quat_xyzw; remove one. It is not turned"
+            self._note("error", "quaternion", say, origin)
+            return ZERO
+        values = self._numbers(origin, "quat_xyzw", 4, what)
+        if values is None:
+            return ZERO
+        length = max(map(abs, values))
+        if not 1e-100 < length < 1e100:
+            say = f"{what}: <origin quat_xyzw> has no direction; it is not turned"
+            self._note("error", "quaternion", say, origin)
+            return ZERO
+        x, y, z, w = (v / length for v in values)
+        return rpy_from_quaternion((w, x, y, z))
 
     def _vector(self, element: Element, name: str, default: Vector, what: str) -> Vector:
         values = self._numbers(element, name, 3, what)
@@ -358,7 +421,7 @@ class _Reader:
         if len(values) == 1 and name == "scale":  # seen in the wild, meant as uniform
             return values * 3
         if len(values) != count:
-            needed = "one number" if count == 1 else "three numbers"
+            needed = {1: "one number", 3: "three numbers"}.get(count, "four numbers")
             self._note("error", "number", f"{place} needs {needed}", element)
             return None
         return values

@@ -21,7 +21,7 @@ AUTO, IGNORE, APPLY = UP_AXIS_MODES = (
     "auto",
     "ignore",
     "apply",
-)  # what is done with a Collada file's up axis
+)  # what is done with the up axis of Collada and glTF files
 UNBOUNDED = 1e4  # rad or m: a limit that large means none
 JOINT_TYPES = (*SCALAR_TYPES, "fixed", "floating", "planar")
 
