@@ -53,8 +53,7 @@ def test_a_relative_name_may_start_from_a_folder_that_is_given(tmp_path: Path) -
     ring = placed(tmp_path / "data/gear/ring.stl")
     placed(tmp_path / "data/gear/meshes/ring.stl")
     urdf = written(tmp_path / "data/gear", robot(link("a")))
-    with pytest.raises(ModelRefused, match="no such file"):
-        Resolver(urdf).find_file("gear/ring.stl")
+    assert "not where it says" in (Resolver(urdf).find_file("gear/ring.stl").hint or "")
     assert Resolver(urdf, [tmp_path, tmp_path / "data"]).find_file("gear/ring.stl").path == ring
     with pytest.raises(ModelRefused, match="no such file"):
         Resolver(urdf, [tmp_path / "data"]).find_file("gear/none.stl")
