@@ -51,7 +51,12 @@ MESHES = {"stl": "an STL mesh", "obj": "an OBJ mesh", "glb": "a glTF mesh", "glt
 COLLADA = re.compile(rb"<(?:\w+:)?COLLADA[\s>]")
 FACET = re.compile(rb"\bfacet\s+normal|\bendsolid\b", re.IGNORECASE)
 VERTEX = re.compile(rb"^[ \t]*v[ \t]+\S", re.MULTILINE)
-WIDE = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+# how UTF-16 begins, with its byte order mark, and XML also without it
+WIDE = {
+    mark: codec
+    for codec in ("utf-16-le", "utf-16-be")
+    for mark in ("\ufeff".encode(codec), "<".encode(codec))
+}
 
 
 def refuse_foreign(data: bytes, wanted: str) -> None:
@@ -63,7 +68,8 @@ def refuse_foreign(data: bytes, wanted: str) -> None:
     for begin, what, robot, mesh in FOREIGN:
         if begin.match(head):
             advice = robot if wanted == ROBOT else mesh
-            raise ModelRefused(f"{what}, not {wanted}" + (f": {advice}" if advice else ""))
+            why = "which is not supported" if advice == EXPORT else f"not {wanted}"
+            raise ModelRefused(f"{what}, {why}" + (f": {advice}" if advice else ""))
     if wanted == ROBOT and (what := MESHES.get(find_mesh_kind(data) or "", "")):
         raise ModelRefused(f"{what}, not {wanted}: {NAMES}")
     if wanted == ROBOT and b"\0" in head:
@@ -102,5 +108,5 @@ def measure_stl(data: bytes) -> tuple[int, int, int]:
 def _text_of(start: bytes) -> bytes:
     """The beginning of a text, without its byte order mark; UTF-16 as UTF-8."""
     if codec := WIDE.get(start[:2]):
-        return start[2:].decode(codec, "replace").encode()
+        return start.decode(codec, "replace").removeprefix("\ufeff").encode()
     return start.removeprefix(codecs.BOM_UTF8)

@@ -11,7 +11,7 @@ import codecs
 import re
 from dataclasses import dataclass
 
-from posecast_edge.model.content import ROBOT, refuse_foreign
+from posecast_edge.model.content import ROBOT, WIDE, refuse_foreign
 from posecast_edge.model.finding import Finding, ModelRefused, quote_name
 
 # The labels of each encoding, and Python's codec for what browsers (WHATWG) mean by them. "ascii" is read as
@@ -50,7 +50,7 @@ ENCODINGS = {
     "euc-kr": ("cp949", "euc-kr ks_c_5601-1987 windows-949 cp949"),
 }
 CODECS = {label: codec for codec, labels in ENCODINGS.values() for label in labels.split()}
-WIDE = "utf-16", "utf-16le", "utf-16be", "ucs-2"  # whose declaration can't be true where it can be read
+UNTRUE = "utf-16", "utf-16le", "utf-16be", "ucs-2"  # declarations that can't be read where they are true
 
 LATIN = "".join(
     chr(b) if b in (0x81, 0x8D, 0x8F, 0x90, 0x9D) else bytes([b]).decode("cp1252") for b in range(256)
@@ -59,6 +59,7 @@ BLANKS = re.compile(rb"\s+")
 DECLARATION_MAX = 200  # bytes
 DECLARED = re.compile(rb"""\sencoding\s*=\s*["']([\w.:-]{1,40})["']""")
 CHUNK = 1 << 20
+HEAD = 64 << 10  # bytes in which a declaration may begin
 LATIN_TEXT = (
     "a byte that is not UTF-8; the file is read as Latin-1: save it as UTF-8, or declare its encoding in the "
     "first line"
@@ -77,9 +78,8 @@ def read_text(data: bytes) -> Text:
     """Decode a file. Raises ModelRefused when it is broken UTF-16."""
     if data.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
         raise ModelRefused("UTF-32 text, which is not supported: save it as UTF-8")
-    for mark, codec in ((codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be")):
-        if data.startswith((mark, "<".encode(codec))):  # XML may lack its mark
-            return Text(_without_declaration(_from_wide(data.removeprefix(mark), codec)))
+    if codec := WIDE.get(data[:2]):
+        return Text(_without_declaration(_from_wide(data, codec)))
     data = data.removeprefix(codecs.BOM_UTF8)
     declared = _declared(data)
     known = CODECS.get(declared.lower())
@@ -90,7 +90,7 @@ def read_text(data: bytes) -> Text:
             return Text(_decode(plain, known).encode())
         except UnicodeError:
             found = (_note(f"its bytes are not what it declares, {quote_name(declared)}", 1),)
-    elif known is None and declared and declared.lower() not in WIDE:
+    elif known is None and declared and declared.lower() not in UNTRUE:
         found = (_note(f"the encoding {quote_name(declared)} is not known", 1),)
     if _is_utf8(plain):
         return Text(plain, found)
@@ -105,7 +105,7 @@ def _note(text: str, line: int) -> Finding:
 
 def _from_wide(data: bytes, codec: str) -> bytes:
     try:
-        return data.decode(codec).encode()
+        return data.decode(codec).removeprefix("\ufeff").encode()
     except UnicodeError:
         raise ModelRefused("broken UTF-16 text: save it as UTF-8") from None
 
@@ -151,7 +151,7 @@ def _without_declaration(data: bytes) -> bytes:
 
 def _declaration(data: bytes) -> tuple[int, int]:
     """Where it begins and ends; (0, 0) without one."""
-    at = 0
+    data, at = data[:HEAD], 0
     while True:
         blanks = BLANKS.match(data, at)
         at = at if blanks is None else blanks.end()

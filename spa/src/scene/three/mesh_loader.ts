@@ -10,10 +10,12 @@ import {
 import { MeshoptDecoder } from 'three/addons/libs/meshopt_decoder.module.js'; // loaded anyway: built models need it
 import { type BundleFile, NotNow, type RawFiles } from '../../model/bundle.ts';
 import type { MeshNote } from '../../model/report.ts';
+import { foreignTo, MESH, type MeshKind, meshKindOf } from '../../urdf/content.ts';
 import type { Paint } from '../../urdf/manifest.ts';
 import type { PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
-import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/meshes/stl.ts';
+import { MeshError, parseStl } from '../../urdf/meshes/stl.ts';
 import { weld } from '../../urdf/meshes/weld.ts';
+import { readText } from '../../urdf/text.ts';
 
 /** A mesh read from a file. */
 export interface LoadedMesh {
@@ -23,24 +25,20 @@ export interface LoadedMesh {
   readonly notes: readonly MeshNote[];
 }
 
-export type MeshKind = 'stl' | 'collada' | 'obj' | 'glb';
-
 /** A white pixel that replaces textures, because bundles of version 1 have none. */
 const WHITE = 'data:image/gif;base64,R0lGODlhAQABAIAAAP///wAAACwAAAAAAQABAAACAkQBADs=';
 
 /** The format of a mesh file, detected from its bytes and not its name: a host may answer an unknown path with a web page, which
  *  read as STL would have four billion triangles. Throws MeshError if the format is unknown. */
-export function meshKind(bytes: Uint8Array): MeshKind {
-  if (new TextDecoder('latin1').decode(bytes.subarray(0, 4)) === 'glTF') return 'glb';
-  if (isBinaryStl(bytes)) return 'stl';
-  const head = new TextDecoder('latin1').decode(bytes.subarray(0, 4096));
-  if (/<COLLADA[\s>]/.test(head)) return 'collada';
-  if (/<!doctype html|<html[\s>]/i.test(head))
-    throw new MeshError('the server sent a web page instead of a mesh');
-  if (isAsciiStl(bytes)) return 'stl';
-  if (bytes.length === 0) throw new MeshError('empty');
-  if (/^\s*(?:v|mtllib|o|g)\s+\S/m.test(head) && !head.includes('\0')) return 'obj';
-  throw new MeshError('not STL, Collada, OBJ or GLB');
+export function meshKind(bytes: Uint8Array, name = ''): MeshKind {
+  const foreign = foreignTo(MESH, bytes);
+  if (foreign !== null) throw new MeshError(foreign);
+  const kind = meshKindOf(bytes);
+  if (kind === 'gltf')
+    throw new MeshError('a .gltf names other files, which the page does not read: export it as GLB');
+  if (kind === null && /\.stl$/i.test(name) && bytes.subarray(0, 84).includes(0)) return 'stl'; // its reader says why
+  if (kind === null) throw new MeshError('not STL, Collada, OBJ or glTF');
+  return kind;
 }
 
 /** Loads the mesh files of one bundle, each once even if several links use it. */
@@ -63,29 +61,27 @@ export class MeshLoader {
   }
 
   async #parse(bytes: Uint8Array, file: BundleFile): Promise<LoadedMesh> {
-    switch (meshKind(bytes)) {
-      case 'stl':
-        return {
-          parts: [{ surface: weld(parseStl(bytes)), paint: null }],
-          notes: stlNotes(bytes),
-        };
-      case 'collada':
-        return readCollada(new TextDecoder().decode(bytes));
-      case 'obj':
-        return readObj(
-          new TextDecoder().decode(bytes),
-          async (name) => (await this.#files.beside?.(file, name)) ?? null,
-        );
-      case 'glb':
-        return { parts: await readGlb(bytes), notes: [] };
+    const kind = meshKind(bytes, file.path);
+    if (kind === 'stl') {
+      const { soup, notes } = parseStl(bytes);
+      return { parts: [{ surface: weld(soup), paint: null }], notes };
     }
+    if (kind === 'glb') return { parts: await readGlb(bytes), notes: [] };
+    const { text, findings } = readText(bytes);
+    const mesh =
+      kind === 'collada'
+        ? await readCollada(text)
+        : await readObj(text, async (name) => (await this.#files.beside?.(file, name)) ?? null);
+    const odd = findings.map((found): MeshNote => [found.code, found.text]);
+    return { parts: mesh.parts, notes: [...odd, ...mesh.notes] };
   }
 
   async #read(file: BundleFile): Promise<LoadedMesh> {
     const bytes = await this.#files.fetch(file);
     try {
       const mesh = await this.#parse(bytes, file);
-      if (mesh.parts.every((part) => part.surface.index.length === 0)) throw new MeshError('no triangles');
+      if (mesh.parts.every((part) => part.surface.index.length === 0))
+        throw new MeshError('it has no triangles');
       return mesh;
     } catch (cause) {
       const why = cause instanceof Error ? (cause.message.split('\n')[0] ?? '') : String(cause);
@@ -119,7 +115,7 @@ async function readObj(
   const paints = library === undefined ? null : await beside(library);
   if (paints !== null) {
     const { MTLLoader } = await decoder(import('three/addons/loaders/MTLLoader.js'));
-    loader.setMaterials(new MTLLoader(offline()).parse(new TextDecoder().decode(paints), ''));
+    loader.setMaterials(new MTLLoader(offline()).parse(readText(paints).text, ''));
   }
   const lost = library !== undefined && paints === null;
   const notes: MeshNote[] = lost
@@ -144,11 +140,6 @@ async function readCollada(text: string): Promise<LoadedMesh> {
   scene.quaternion.identity();
   scene.position.set(0, 0, 0);
   return { parts: partsOf(scene, true), notes: colladaNotes(text) };
-}
-
-function stlNotes(bytes: Uint8Array): MeshNote[] {
-  const tail = tailBytes(bytes);
-  return tail === 0 ? [] : [['stl-tail', `${tail} bytes after the last triangle`]];
 }
 
 /** Notes on a Collada file's unit and up axis, and on how they are treated. */

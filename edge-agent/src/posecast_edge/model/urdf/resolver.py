@@ -292,7 +292,7 @@ class Resolver:
                     hint = f"not where it says; {self._show(end)} is taken from the model's own folder"
                     return Resolved(found.path, hint)
         last = PurePosixPath(names[-1]).name
-        where = ", ".join([*looked, f"any {quote_name(last)} in the robot's folder"])
+        where = " and ".join([*looked, f"any {quote_name(last)} in the robot's folder"])
         return refused or ModelRefused(f"{MISSING}; looked for {where}")
 
     def _find_by_end(self, name: str, suffixes: Sequence[str]) -> Path | None:
@@ -463,12 +463,12 @@ class Resolver:
         real = self.check(path)
         hint: str | None = None
         if not path.exists():
-            other = self._in_other_letters(Path(os.path.normpath(path)))
+            path = Path(os.path.normpath(path))
+            other = self._in_other_letters(path)
             if other is None:
                 raise ModelRefused(MISSING)
-            hint = f"the file is called {quote_name(other.name)}, in other upper and lower case"
-            if unicodedata.normalize("NFC", str(other)) == unicodedata.normalize("NFC", str(path)):
-                hint = None  # the same letters, as a Mac writes them
+            if unicodedata.normalize("NFC", str(other)) != unicodedata.normalize("NFC", str(path)):
+                hint = f"the file is called {quote_name(other.name)}, in other upper and lower case"
             real = self.check(other)
         if not real.is_file():
             raise ModelRefused("is not a file")
@@ -501,7 +501,7 @@ def list_spellings(name: str) -> list[str]:
 
 def fold_name(name: str) -> str:
     """A name for comparison: in lower case, and with each accented letter as one character."""
-    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).lower())
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).upper().lower())
 
 
 def count_common_end(a: Sequence[str], b: Sequence[str]) -> int:
