@@ -63,7 +63,7 @@ describe("a robot from one's own computer", () => {
     const links = () => page.evaluate<Record<string, number[]>>('window.posecast.scene?.linkPoses() ?? {}');
     await until('a body', async () => Object.keys(await links()).length === 2);
     expect(await page.text()).toContain(
-      "mesh 'package://arm/meshes/rod.stl' of link 'rod': no such file · line 2",
+      "mesh 'package://arm/meshes/rod.stl' of link 'rod': no such file; looked for any 'rod.stl' in the robot's folder · line 2",
     );
     const height = async () => ((await links()).rod?.[11] ?? 0) - ((await links()).base?.[11] ?? 0);
     expect(await height()).toBe(0);

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from posecast_edge.model.meshes.mesh import Mesh
 
 ROOTS = {"mujoco": "mjcf", "sdf": "sdf", "gazebo": "sdf"}  # root element → format; any other is a URDF
-FILE_MAX = 32 << 20  # bytes of an MJCF file
+FILE_MAX = 32 << 20  # bytes of a file that is decoded here for its findings alone
 MJCF_READER = "posecast_edge.model.mjcf.reader"
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 MACRO = re.compile(rb"<xacro:|\"[^\"<>]*\$[{(]")  # a tag of xacro's, or an attribute with an expression
@@ -97,6 +97,7 @@ def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, st
         raise ModelRefused(f"{where}the expanded file: {e.reason}") from None
     if not urdf.links:
         raise ModelRefused("it has macros and no link: give the file that uses them")
+    urdf.findings += read_text(read_bounded(path, FILE_MAX)).findings
     urdf.findings += [Finding("hint", "include-found", f"include {note}") for note in expanded.notes]
     return RobotFile(urdf, {}, expanded.inputs)
 

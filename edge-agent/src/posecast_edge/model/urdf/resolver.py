@@ -161,8 +161,8 @@ class Resolver:
             if not self._is_installed(plain, real, roots):
                 raise ModelRefused(f"is a link to {self._show(real)}, which {OUTSIDE}")
             self._linked[real] = plain
-        if self._is_hidden(real):
-            raise ModelRefused(HIDDEN)
+            roots = [real]
+        self._require_inside(real, roots)
         return real
 
     def find_file(self, uri: str) -> Resolved:
