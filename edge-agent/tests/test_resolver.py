@@ -145,6 +145,8 @@ def test_other_links_that_lead_outside_are_refused_by_where_they_lead(tmp_path: 
     secret = placed(source / "meshes/moved.stl")
     for name, target in (
         ("other.stl", other),  # of another package
+        ("a_of_other.stl", placed(other.parent / "a_of_other.stl")),  # in the same place of another package
+        ("a_of_none.stl", placed(loose.parent / "a_of_none.stl")),
         ("a_too.stl", source / "meshes/a.stl"),  # elsewhere in the same package
         ("deep/moved.stl", secret),
         ("loose.stl", loose),  # of none
