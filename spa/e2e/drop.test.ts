@@ -204,7 +204,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const wrong = strToU8('<!doctype html><html><body>Not found</body></html>');
     const broken = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': wrong });
     await page.evaluate(choose('choose-zip', broken, 'broken.zip'));
-    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': the server sent a web page instead of a mesh · line 2`;
+    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': an HTML page, not a mesh: a server answered with a page · line 2`;
     await until('why', async () => (await page.text()).includes(why));
   });
 

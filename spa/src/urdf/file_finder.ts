@@ -75,7 +75,7 @@ export class FileFinder {
     for (const one of names) {
       const found = this.#findByEnd(one);
       if (found === null) continue;
-      const whole = scheme !== '' && scheme !== 'file' && found.endsWith(`/${one.replace(/^\/+/, '')}`);
+      const whole = scheme !== '' && scheme !== 'file' && `/${found}`.endsWith(`/${one.replace(/^\/+/, '')}`);
       const hint = `not where it says; ${quoted(found)} is taken from the model's own folder`;
       const taken = accept(found, whole ? null : hint);
       if (taken !== null) return taken;

@@ -4,6 +4,7 @@ import { describe, expect, it } from 'vitest';
 import { refusalWords } from '../../src/app/pages/local/local_files.ts';
 import { moreEn } from '../../src/app/text/more_en.ts';
 import { filesOf, localFiles } from '../../src/urdf/dropped_files.ts';
+import { FileFinder } from '../../src/urdf/file_finder.ts';
 import { type LocalFile, MAX_FILES, tidyPath } from '../../src/urdf/local_files.ts';
 import { type LocalRobot, openLocal, urdfsIn } from '../../src/urdf/local_robot.ts';
 import { unzip } from '../../src/urdf/unzip.ts';
@@ -50,6 +51,17 @@ describe('a dropped robot', () => {
         1,
       ],
     ]);
+  });
+
+  it.each([
+    ['arm/urdf/r.urdf', 'package://arm/meshes/a.stl', null],
+    ['ws/arm/urdf/r.urdf', 'package://arm/meshes/a.stl', null],
+    ['arm/urdf/r.urdf', 'package://renamed/meshes/a.stl', 'not where it says; '],
+  ])('%s: a package that is called like its folder needs no hint: %s', (path, uri, hint) => {
+    const mesh = path.replace('urdf/r.urdf', 'meshes/a.stl');
+    const found = new FileFinder(folder({ [path]: '<robot/>', [mesh]: 'x' }), path).find(uri);
+    const expected = hint === null ? null : `${hint}'${mesh}' is taken from the model's own folder`;
+    expect(found).toEqual({ path: mesh, hint: expected });
   });
 
   it('never leaves what was dropped', () => {
