@@ -121,7 +121,10 @@ PARSERS = (
         (
             "model.urdf.reader.read_urdf",
             "model.urdf.reader.load_urdf",
+            "model.urdf.xml_tree.parse_xml",
+            "model.urdf.xml_tree.read_at_most",
             "model.urdf.xml_tree.read_root_tag",
+            "model.text.read_robot_text",
             "model.robot_file.load_robot_file",
         ),
         urdf_work,

@@ -186,7 +186,7 @@ def rich(document: dict[str, object]) -> None:
 PARSERS = (
     Parser(
         "collada",
-        ("model.meshes.collada.read_collada", "model.urdf.xml_tree.read_xml"),
+        ("model.meshes.collada.read_collada", "model.urdf.xml_tree.read_xml", "model.text.read_text"),
         mesh_work("a.dae"),
         (ModelRefused,),
         (cube_collada(effect=EFFECT, node="<rotate>0 0 1 90</rotate>"), POLYLIST),

@@ -103,7 +103,8 @@ def test_nothing_outside_is_served(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("<robot><link></robot>", "line 1: not XML: mismatched tag"),
-        ("", "line 1: not XML: no element found"),
+        ("", "the file is empty"),
+        (" ", "line 1: not XML: no element found"),
         ("<sdf/>", "line 1: this is SDF, not URDF"),
         ('<!DOCTYPE r [<!ENTITY a "b">]><robot>&a;</robot>', "line 1: a document type (DTD) is not accepted"),
         (
@@ -111,7 +112,7 @@ def test_nothing_outside_is_served(tmp_path: Path) -> None:
             "line 1: more than 1000 prefixes",
         ),
         ("<robot>" + "<a>" * 70 + "</a>" * 70 + "</robot>", "line 1: nested more than 64 deep"),
-        ("\x00\x01", "line 1: not XML: not well-formed"),
+        ("\x00\x01", "binary data, not a robot description"),
     ],
 )
 def test_a_urdf_that_does_not_parse(tmp_path: Path, text: str, message: str) -> None:

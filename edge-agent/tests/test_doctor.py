@@ -216,10 +216,9 @@ def test_the_healthy_are_healthy(tmp_path: Path) -> None:
         (b"<mujoco/>", "MuJoCo"),
         (b"<html><body/></html>", "HTML"),
         (b"<robot><link</robot>", "not XML"),
-        (b"", "not XML"),
-        (b"PK\x03\x04", "not XML"),
+        (b"", "the file is empty"),
+        (b"PK\x03\x04", "a zip archive, not a robot description: unpack it"),
         (b"<other/>", "<other>"),
-        (b'<?xml version="1.0" encoding="klingon"?><robot/>', "not XML"),
     ],
 )
 def test_what_is_no_urdf(text: bytes, reason: str) -> None:

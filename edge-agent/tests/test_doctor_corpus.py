@@ -115,7 +115,6 @@ EDGE_ONLY = {
     "profile-joint",
     "profile-sensor",
     "profile-sole",
-    "mesh-found",
     "texture-coordinates",
 }
 
@@ -127,9 +126,11 @@ PICTURED = '<material name="m"><texture filename="t.png"/></material>'
 LEVER = [joint(a + b, a, b, inside=FAR) for a, b in ("ab", "bc", "cd")]
 
 
-def cube(uri: str, edge_m: float = 0.2, reason: str | None = None, notes: Notes = ()) -> MeshFacts:
+def cube(
+    uri: str, edge_m: float = 0.2, reason: str | None = None, notes: Notes = (), hint: str | None = None
+) -> MeshFacts:
     """What a reader tells of a cube with a corner at 0."""
-    return MeshFacts(uri, reason, None, 684, 12, (0, 0, 0), (edge_m, edge_m, edge_m), notes, has_uv=True)
+    return MeshFacts(uri, reason, hint, 684, 12, (0, 0, 0), (edge_m, edge_m, edge_m), notes, has_uv=True)
 
 
 def heavy(uri: str, size: int) -> MeshFacts:
@@ -151,6 +152,7 @@ def shape(geometry: str) -> str:
 LOOKED_AT = [
     (robot(link("a", mesh("a.stl"))), [cube("a.stl")]),  # nothing wrong
     (robot(link("a", mesh("a.stl"))), [cube("a.stl", 300)]),
+    (robot(link("a", mesh("b/a.stl"))), [cube("b/a.stl", hint="not where it says")]),
     (robot(scaled("a.stl", "0.001 0.001 -0.001")), [cube("a.stl", 300)]),
     (robot(scaled("a.stl", "0.001 0.001 0.001")), [cube("a.stl")]),
     (robot(scaled("a.stl", "1e-4 1e-4 1e-4"), link("b", box("25 1 1")), LEVER[0]), [cube("a.stl")]),
@@ -212,7 +214,7 @@ def expected(text: str, meshes: list[MeshFacts] | None = None) -> dict[str, Any]
 def told(fact: MeshFacts) -> dict[str, Any]:
     """In the page's words."""
     same = {name: getattr(fact, name) for name in ("reason", "triangles", "low", "high", "notes")}
-    return same | {"bytes": fact.size}
+    return same | {"bytes": fact.size} | ({"hint": fact.hint} if fact.hint else {})
 
 
 def corpus() -> str:

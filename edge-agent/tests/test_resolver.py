@@ -53,8 +53,7 @@ def test_a_relative_name_may_start_from_a_folder_that_is_given(tmp_path: Path) -
     ring = placed(tmp_path / "data/gear/ring.stl")
     placed(tmp_path / "data/gear/meshes/ring.stl")
     urdf = written(tmp_path / "data/gear", robot(link("a")))
-    with pytest.raises(ModelRefused, match="no such file"):
-        Resolver(urdf).find_file("gear/ring.stl")
+    assert "not where it says" in (Resolver(urdf).find_file("gear/ring.stl").hint or "")
     assert Resolver(urdf, [tmp_path, tmp_path / "data"]).find_file("gear/ring.stl").path == ring
     with pytest.raises(ModelRefused, match="no such file"):
         Resolver(urdf, [tmp_path / "data"]).find_file("gear/none.stl")
@@ -102,6 +101,94 @@ def test_ros_says_where_packages_are() -> None:
     expected = ["/opt/ros/x/share", "/ws/install/share", "/src", "/more"]
     assert [str(p) for p in list_package_folders(environment)] == expected
     assert list_package_folders({}) == []
+
+
+FILES = ("meshes/a.stl", "meshes/deep/b.obj", "meshes/deep/b.mtl", "textures/t.png", "urdf/r.urdf", "arm.dae")
+
+
+def installed(folder: Path, name: str = "arm", source_name: str = "arm") -> tuple[Path, Path]:
+    """A package as `colcon build --symlink-install` leaves it: (its share folder, its source)."""
+    source = named(folder / "ws/src" / source_name, name)
+    share = folder / "ws/install" / name / "share"
+    for file in (*FILES, "package.xml"):
+        if file != "package.xml":
+            placed(source / file)
+        (share / name / file).parent.mkdir(parents=True, exist_ok=True)
+        (share / name / file).symlink_to(source / file)
+    return share, source
+
+
+@pytest.mark.parametrize("file", FILES[:4])
+@pytest.mark.parametrize("source_name", ["arm", "arm-main"])
+def test_links_of_an_installed_package_lead_to_its_source(
+    file: str, source_name: str, tmp_path: Path
+) -> None:
+    share, source = installed(tmp_path, source_name=source_name)
+    resolver = Resolver(written(tmp_path / "elsewhere", robot(link("a"))), [share])
+    if file.endswith(".mtl"):
+        assert (
+            resolver.find_beside(resolver.find_file("package://arm/meshes/deep/b.obj").path, "b.mtl")
+            == source / file
+        )
+    elif file.endswith(".png"):
+        mesh = resolver.find_file("package://arm/meshes/deep/b.obj").path
+        assert resolver.find_beside(mesh, "../../textures/t.png") == source / file
+    for uri in (f"package://arm/{file}", str(share / "arm" / file), f"file://{share}/arm/{file}"):
+        assert resolver.find_file(uri).path == source / file
+
+
+def test_other_links_that_lead_outside_are_refused_by_where_they_lead(tmp_path: Path) -> None:
+    share, source = installed(tmp_path)
+    other = placed(named(tmp_path / "ws/src/other", "other") / "meshes/a.stl")
+    loose = placed(tmp_path / "loose/meshes/a.stl")
+    hidden = placed(named(tmp_path / ".cache/arm", "arm") / "meshes/h.stl")
+    secret = placed(source / "meshes/moved.stl")
+    for name, target in (
+        ("other.stl", other),  # of another package
+        ("a_of_other.stl", placed(other.parent / "a_of_other.stl")),  # in the same place of another package
+        ("a_of_none.stl", placed(loose.parent / "a_of_none.stl")),
+        ("a_too.stl", source / "meshes/a.stl"),  # elsewhere in the same package
+        ("deep/moved.stl", secret),
+        ("loose.stl", loose),  # of none
+        ("gone.stl", tmp_path / "gone.stl"),
+    ):
+        (share / "arm/meshes" / name).symlink_to(target)
+        for uri in (f"package://arm/meshes/{name}", str(share / "arm/meshes" / name)):
+            with pytest.raises(
+                ModelRefused, match=r"is a link to '.*', which is outside .*--package-path"
+            ) as refused:
+                Resolver(written(tmp_path / "elsewhere", robot(link("a"))), [share]).find_file(uri)
+            assert target.name in refused.value.reason
+        if target.exists():  # and the advice helps
+            given = Resolver(written(tmp_path / "elsewhere", robot(link("a"))), [share, target.parent])
+            assert given.find_file(f"package://arm/meshes/{name}").path == target
+    (share / "arm/meshes/h.stl").symlink_to(hidden)
+    (share / "whole").symlink_to(tmp_path / "ws/src/other")
+    for uri in ("package://arm/meshes/h.stl", f"{share}/whole/meshes/a.stl"):
+        with pytest.raises(ModelRefused, match="--package-path"):
+            Resolver(written(tmp_path / "elsewhere", robot(link("a"))), [share]).find_file(uri)
+
+
+def test_what_is_not_found_says_where_was_looked(tmp_path: Path) -> None:
+    urdf = written(named(tmp_path / "bot", "bot") / "urdf", robot(link("a")))
+    placed(tmp_path / "bot/visual/one/x.stl")
+    for uri, words in (
+        (
+            "package://bot/meshes/x.stl",
+            "no such file; looked for 'bot/meshes/x.stl' and any 'x.stl' in the robot's folder",
+        ),
+        (
+            "y%20z.stl",
+            "no such file; looked for 'bot/urdf/y%20z.stl' and 'bot/urdf/y z.stl' and any 'y z.stl' in",
+        ),
+        ("../scan.step", "no such file"),
+    ):
+        with pytest.raises(ModelRefused) as refused:
+            Resolver(urdf).find_file(uri)
+        assert words in refused.value.reason
+    with pytest.raises(ModelRefused) as refused:
+        Resolver(urdf, [Path.home()]).find_file("package://bot/" + "long/" * 25 + "x.stl")
+    assert len(refused.value.reason) < 250
 
 
 def test_what_lies_beside_a_mesh(tmp_path: Path) -> None:

@@ -35,6 +35,36 @@ def test_the_format_is_found_by_content(name: str, tmp_path: Path) -> None:
     assert find_format(path) == expected
 
 
+NAMED = "Größe"
+OTHER_FORMATS = {
+    "r.xacro": f'<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    f'<xacro:property name="n" value="{NAMED}"/>'
+    '<link name="${n}"/></robot>',
+    "r.sdf": f'<sdf version="1.9"><model name="m"><link name="{NAMED}"/></model></sdf>',
+    "r.xml": f'<mujoco><worldbody><body name="{NAMED}"><geom size="0.1"/></body></worldbody></mujoco>',
+}
+ENCODED = {
+    "utf-8 with a mark": ("", "utf-8-sig"),
+    "utf-16 that declares utf-8": ('<?xml version="1.0" encoding="utf-8"?>', "utf-16"),
+    "latin-1 that says nothing": ("", "latin-1"),
+    "gbk": ('<?xml version="1.0" encoding="gbk"?>', "gb18030"),
+}
+
+
+@pytest.mark.parametrize("encoding", ENCODED)
+@pytest.mark.parametrize("name", OTHER_FORMATS)
+def test_each_format_is_decoded_alike(name: str, encoding: str, tmp_path: Path) -> None:
+    if name == "r.xml":
+        pytest.importorskip("mujoco", reason="the extra [mujoco] is not installed")
+    head, codec = ENCODED[encoding]
+    path = tmp_path / name
+    path.write_bytes((head + OTHER_FORMATS[name]).encode(codec))
+    found = load_robot_file(path).urdf
+    assert NAMED in [one.name for one in found.links]
+    codes = [finding.code for finding in found.findings]
+    assert ("encoding" in codes) == (codec == "latin-1")
+
+
 def test_a_urdf_yields_itself(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(robot(link("a")))

@@ -58,9 +58,10 @@ import { LodBuilder } from '../../spa/src/urdf/meshes/lod_builder.ts';
 import { ownMesh } from '../../spa/src/urdf/meshes/primitives.ts';
 import { MeshError, parseStl } from '../../spa/src/urdf/meshes/stl.ts';
 import { weld } from '../../spa/src/urdf/meshes/weld.ts';
-import { readUrdf } from '../../spa/src/urdf/reader.ts';
+import { parseUrdf } from '../../spa/src/urdf/reader.ts';
+import { readRobotText } from '../../spa/src/urdf/text.ts';
 import { unzip } from '../../spa/src/urdf/unzip.ts';
-import { readXml, XmlRefused } from '../../spa/src/urdf/xml.ts';
+import { XmlRefused } from '../../spa/src/urdf/xml.ts';
 
 /** As its reader promises: one line that says why. */
 export class Refused extends Error {}
@@ -84,11 +85,11 @@ export const TARGETS: ReadonlyMap<string, (bytes: Uint8Array) => Promise<unknown
     manifest: refusing([BundleError], manifest),
     balance: refusing([BundleError], balance),
     glb: refusing([GlbError], (bytes) => readLod(bytes, VISUALS).then(() => null)),
-    urdf: refusing([XmlRefused], (bytes) => readUrdf(readXml(new TextDecoder().decode(bytes)))),
+    urdf: refusing([XmlRefused], (bytes) => parseUrdf(readRobotText(bytes))),
     body: refusing([XmlRefused, UrdfError], body),
     zip: refusing([DropError], members),
     'posecast-file': refusing([PosecastFileError], posecastFile),
-    stl: refusing([MeshError], (bytes) => weld(parseStl(bytes)).index.length),
+    stl: refusing([MeshError], (bytes) => weld(parseStl(bytes).soup).index.length),
     address: refusing([], (bytes) => address(textOf(bytes))),
     embed: refusing([], (bytes) => embedded(textOf(bytes))),
     events: refusing([RangeError], events),
@@ -307,7 +308,7 @@ function balance(bytes: Uint8Array): void {
 
 /** What the page draws of a URDF whose meshes it has not: a manifest as a builder could have written it, and its own shapes. */
 function body(bytes: Uint8Array): unknown {
-  const { manifest: found, shapes } = modelOf(readUrdf(readXml(new TextDecoder().decode(bytes))));
+  const { manifest: found, shapes } = modelOf(parseUrdf(readRobotText(bytes)));
   const joints = found.joints.map((joint, i) => ({
     ...joint,
     child: i + 1,
@@ -346,7 +347,8 @@ async function posecastFile(bytes: Uint8Array): Promise<object> {
 
 async function members(bytes: Uint8Array): Promise<unknown> {
   const found = await unzip(new Blob([bytes.slice()]));
-  return Promise.all([...found].map(async ([path, file]) => [path, (await file.bytes()).length]));
+  const unpacked = [...found].filter(([, { size }]) => size > 0); // the others are known by name
+  return Promise.all(unpacked.map(async ([path, file]) => [path, (await file.bytes()).length]));
 }
 
 const PAGE_AT_MS = Date.UTC(2026, 10, 22, 14, 20);

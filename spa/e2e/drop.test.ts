@@ -63,7 +63,7 @@ describe("a robot from one's own computer", () => {
     const links = () => page.evaluate<Record<string, number[]>>('window.posecast.scene?.linkPoses() ?? {}');
     await until('a body', async () => Object.keys(await links()).length === 2);
     expect(await page.text()).toContain(
-      "mesh 'package://arm/meshes/rod.stl' of link 'rod': no such file · line 2",
+      "mesh 'package://arm/meshes/rod.stl' of link 'rod': no such file; looked for any 'rod.stl' in the robot's folder · line 2",
     );
     const height = async () => ((await links()).rod?.[11] ?? 0) - ((await links()).base?.[11] ?? 0);
     expect(await height()).toBe(0);
@@ -204,7 +204,7 @@ ${mesh('binary', 'd.glb', 4.5)}
     const wrong = strToU8('<!doctype html><html><body>Not found</body></html>');
     const broken = zipSync({ 'arm/arm.urdf': strToU8(URDF), 'arm/meshes/rod.stl': wrong });
     await page.evaluate(choose('choose-zip', broken, 'broken.zip'));
-    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': the server sent a web page instead of a mesh · line 2`;
+    const why = `mesh 'package://arm/meshes/rod.stl' of link 'rod': an HTML page, not a mesh: a server answered with a page · line 2`;
     await until('why', async () => (await page.text()).includes(why));
   });
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import sysconfig
@@ -10,6 +9,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.text import read_robot_text
 from posecast_edge.model.urdf.xml_tree import read_root_tag
 
 SUFFIXES = (".urdf", ".xacro", ".sdf", ".xml", ".mjcf")
@@ -41,6 +42,13 @@ def list_packages() -> list[Path]:
     return [*found, SHARED] if SHARED.is_dir() else found
 
 
+def _root_of(content: bytes) -> str | None:
+    try:
+        return read_root_tag(read_robot_text(content))
+    except ModelRefused:
+        return None
+
+
 def find_robots(places: Iterable[Path]) -> list[RobotPath]:
     """Every robot in these folders; a place may also be a file. MJCF files count only if they can have a
     joint. A file reachable in two ways counts once."""
@@ -49,7 +57,7 @@ def find_robots(places: Iterable[Path]) -> list[RobotPath]:
     for place in places:
         for path in _walk(place):
             content = _read(path)
-            root = read_root_tag(io.BytesIO(content)) if content else None
+            root = _root_of(content)
             if root not in ROOTS and path.suffix.lower() not in (".urdf", ".sdf", ".xacro"):
                 continue
             if root == "mujoco":

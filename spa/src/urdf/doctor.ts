@@ -25,12 +25,13 @@ const FAR_M = 10;
 /** Tolerance for the length of an axis, which should be 1. */
 const UNIT = 1e-3;
 
-/** All findings about a URDF, worst first. `missing`: URIs (meshes, textures) without a file; `meshes`: facts of the
- *  other meshes by URI, null before they are read. */
+/** All findings about a URDF, worst first. `missing`: URIs (meshes, textures) without a file, and why; `meshes`: facts of the
+ *  other meshes by URI, null before they are read; `hints`: how files were found whose URI is not quite right. */
 export function diagnose(
   urdf: Urdf,
-  missing: ReadonlySet<string>,
+  missing: ReadonlyMap<string, string>,
   meshes: ReadonlyMap<string, MeshFacts> | null,
+  hints: ReadonlyMap<string, string> = new Map(),
 ): Finding[] {
   const tree = buildTree(urdf);
   const found: Finding[] = [...urdf.findings, ...tree.findings];
@@ -40,7 +41,7 @@ export function diagnose(
   materials(urdf, say);
   mentions(urdf, say);
   found.push(...massFindings(tree, meshes));
-  found.push(...meshFindings(urdf, tree, missing, meshes));
+  found.push(...meshFindings(urdf, tree, missing, meshes, hints));
   return worstFirst(found);
 }
 

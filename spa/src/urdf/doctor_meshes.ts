@@ -17,12 +17,14 @@ const HEAVY_BYTES = 20_000_000;
 type Named = readonly [link: string, shape: Shape];
 export type Facts = ReadonlyMap<string, MeshFacts>;
 
-/** The findings. `missing`: URIs (meshes, textures) without a file; `read`: facts about the meshes, null before they are read. */
+/** The findings. `missing`: URIs (meshes, textures) without a file, and why; `read`: facts about the meshes, null before they are
+ *  read; `hints`: how files were found whose URI is not quite right. */
 export function meshFindings(
   urdf: Urdf,
   tree: Tree,
-  missing: ReadonlySet<string>,
+  missing: ReadonlyMap<string, string>,
   read: Facts | null,
+  hints: ReadonlyMap<string, string>,
 ): Finding[] {
   const found: Finding[] = [];
   const say: Say = (severity, code, text, line) => found.push({ severity, code, text, line });
@@ -33,8 +35,8 @@ export function meshFindings(
     say('warning', 'nothing-drawn', 'no link has a visual: only the skeleton is drawn', null);
   for (const [link, shape] of shapes) scale(link, shape, say);
   const facts = new Map(read);
-  for (const uri of missing) facts.set(uri, missingMesh('no such file'));
-  files(shapes, facts, say);
+  for (const [uri, reason] of missing) facts.set(uri, missingMesh(reason));
+  files(shapes, facts, hints, say);
   pictures(urdf, missing, say);
   if (read === null) return found;
   for (const [link, shape] of shapes) size(link, shape, facts, say);
@@ -63,7 +65,7 @@ function scale(link: string, shape: Shape, say: Say): void {
 }
 
 /** Reports findings about mesh files, once for each file or kind of note. */
-function files(shapes: readonly Named[], facts: Facts, say: Say): void {
+function files(shapes: readonly Named[], facts: Facts, hints: ReadonlyMap<string, string>, say: Say): void {
   const users = new Map<string, Named[]>();
   for (const named of shapes) {
     const { uri } = named[1];
@@ -79,9 +81,11 @@ function files(shapes: readonly Named[], facts: Facts, say: Say): void {
     const [link, { line }] = by[0]!;
     if (fact.reason !== null) {
       const others = by.some(([other]) => other !== link) ? ' and others' : '';
-      const code = fact.reason === 'no such file' ? 'mesh-missing' : 'mesh-broken';
+      const code = fact.reason.startsWith('no such file') ? 'mesh-missing' : 'mesh-broken';
       say('error', code, `mesh ${quoted(uri)} of link ${quoted(link)}${others}: ${shown(fact.reason)}`, line);
     }
+    const hint = hints.get(uri);
+    if (hint !== undefined) say('hint', 'mesh-found', `mesh ${quoted(uri)}: ${shown(hint)}`, line);
     for (const [code, text] of fact.notes) {
       const key = JSON.stringify([code, text]);
       const note = lenient.get(key) ?? { code, text, uris: [] };
@@ -100,14 +104,15 @@ function files(shapes: readonly Named[], facts: Facts, say: Say): void {
 const shown = (text: string) => [...text].map((c) => (isPrintable(c) ? c : '�')).join('');
 
 /** Reports textures that the URDF itself names and that can't be shown. */
-function pictures(urdf: Urdf, missing: ReadonlySet<string>, say: Say): void {
+function pictures(urdf: Urdf, missing: ReadonlyMap<string, string>, say: Say): void {
   const told = new Set<string>();
   for (const { name, visuals } of urdf.links) {
     for (const visual of visuals) {
       const material = visual.shape === null ? null : materialOf(visual, urdf);
-      if (material?.texture == null || !missing.has(material.texture) || told.has(material.texture)) continue;
+      const reason = missing.get(material?.texture ?? '');
+      if (material?.texture == null || reason === undefined || told.has(material.texture)) continue;
       told.add(material.texture);
-      const text = `texture ${quoted(material.texture)} of link ${quoted(name)}: no such file`;
+      const text = `texture ${quoted(material.texture)} of link ${quoted(name)}: ${shown(reason)}`;
       say('error', 'texture-missing', text, material.line);
     }
   }

@@ -1,5 +1,6 @@
 import {
   DropError,
+  isResourceFork,
   type LocalFile,
   type LocalFiles,
   MAX_FILE_BYTES,
@@ -42,7 +43,7 @@ export async function localFiles(files: ReadonlyMap<string, File>): Promise<Loca
       const { unzip } = await import('./unzip.ts');
       return unzip(file);
     }
-    if (file.size > MAX_FILE_BYTES) continue; // will be reported as missing
+    if (file.size > MAX_FILE_BYTES || isResourceFork(path)) continue; // will be reported as missing
     local.set(path, { size: file.size, bytes: async () => new Uint8Array(await file.arrayBuffer()) });
   }
   return local;

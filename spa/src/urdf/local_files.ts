@@ -1,3 +1,6 @@
+import { readText } from './text.ts';
+import { XmlRefused } from './xml.ts';
+
 /** A file that a person dropped on the page. It is read in this browser only and never sent anywhere. */
 export interface LocalFile {
   readonly size: number;
@@ -46,6 +49,11 @@ export function tidyPath(path: string): string | null {
   return parts.join('/');
 }
 
+/** Whether it is what a Mac notes about a file beside it, as in zips that were made on one. */
+export function isResourceFork(path: string): boolean {
+  return /(?:^|\/)(?:__MACOSX\/|\._[^/]*$|\.DS_Store$)/.test(path);
+}
+
 type OtherFormat = OtherRobot['format'];
 
 const ROOTS: Readonly<Record<string, OtherFormat>> = { mujoco: 'MJCF', sdf: 'SDF', gazebo: 'SDF' };
@@ -72,7 +80,12 @@ export async function findOther(files: LocalFiles, paths: readonly string[]): Pr
 
 async function readFormat(file: LocalFile): Promise<OtherFormat | null> {
   if (file.size > MAX_BYTES) return null;
-  return otherFormatOf(new TextDecoder().decode(await file.bytes()));
+  try {
+    return otherFormatOf(readText(await file.bytes()).text);
+  } catch (cause) {
+    if (cause instanceof XmlRefused) return null;
+    throw cause;
+  }
 }
 
 /** The format of an XML text by its root element; null if it is none of them, such as URDF. */

@@ -2,18 +2,13 @@ import type { BundleFile, RawFiles, RawManifest } from '../model/bundle.ts';
 import { VARIABLES } from '../model/kinematics.ts';
 import type { MeshFacts } from '../model/report.ts';
 import { diagnose } from './doctor.ts';
+import { FileFinder } from './file_finder.ts';
 import type { Finding } from './finding.ts';
-import {
-  DropError,
-  findOther,
-  type LocalFiles,
-  type OtherRobot,
-  otherFormatOf,
-  tidyPath,
-} from './local_files.ts';
-import { readUrdf } from './reader.ts';
+import { DropError, findOther, type LocalFiles, type OtherRobot, otherFormatOf } from './local_files.ts';
+import { parseUrdf } from './reader.ts';
+import { readRobotText } from './text.ts';
 import { materialOf, SCALAR_TYPES, type Urdf } from './types.ts';
-import { readXml, XmlRefused } from './xml.ts';
+import { XmlRefused } from './xml.ts';
 
 /** A robot from dropped files, in the form of a raw bundle. */
 export interface LocalRobot {
@@ -39,6 +34,8 @@ export interface SliderJoint {
 
 const MAX_URDF_BYTES = 8 << 20;
 const MAX_CHOICES = 50;
+/** Other descriptions of robots, of which one is worth a word when there is no URDF. */
+const NAMED = /\.(?:usd[acz]?|wbt|proto|srdf)$/i;
 
 /** Paths of the URDFs, the likeliest first: nearest to the top folder, then the largest. Rejects with DropError if there is none;
  *  the error names a robot in a format that only the edge reads, if there is one. */
@@ -51,6 +48,9 @@ export async function urdfsIn(files: LocalFiles): Promise<string[]> {
   if (found.length > 0) return found;
   const other = await findOther(files, paths);
   if (other !== null) throw refuseFormat(other);
+  // a single file is read whatever its name: it may be the output of a tool, and if not, it is called by its name
+  const [likeliest] = paths.filter((path) => files.size === 1 || NAMED.test(path));
+  if (likeliest !== undefined) return [likeliest];
   throw new DropError('These files include no .urdf.', { why: 'dropNoUrdf' });
 }
 
@@ -63,27 +63,31 @@ export async function openLocal(files: LocalFiles, path: string): Promise<LocalR
   const urdf = await readFile(files, path);
   const own = { path, uri: path, size: files.get(path)!.size };
   const named = new Map<string, BundleFile>([[path, own]]);
-  const missing = new Set<string>();
-  const finder = new Finder(files, path);
+  const missing = new Map<string, string>();
+  const hints = new Map<string, string>();
+  const finder = new FileFinder(files, path);
   for (const uri of urisOf(urdf)) {
     const found = finder.find(uri);
-    if (found === null) missing.add(uri);
-    else named.set(uri, { path: found, uri, size: files.get(found)!.size });
+    if (found.path === null) missing.set(uri, found.reason);
+    else {
+      named.set(uri, { path: found.path, uri, size: files.get(found.path)!.size });
+      if (found.hint !== null) hints.set(uri, found.hint);
+    }
   }
   return {
     name: urdf.name || path,
     path,
     urdf,
-    manifest: { urdf: own, files: named, missing },
+    manifest: { urdf: own, files: named, missing: new Set(missing.keys()) },
     files: {
       fetch: (file) => files.get(file.path)!.bytes(),
       beside: async (file, name) => {
-        const found = new Finder(files, file.path).find(name);
+        const { path: found } = new FileFinder(files, file.path).find(name);
         return found === null ? null : files.get(found)!.bytes();
       },
     },
     joints: slidersOf(urdf),
-    findings: (meshes) => diagnose(urdf, missing, meshes),
+    findings: (meshes) => diagnose(urdf, missing, meshes, hints),
   };
 }
 
@@ -91,11 +95,12 @@ async function readFile(files: LocalFiles, path: string): Promise<Urdf> {
   const file = files.get(path)!;
   if (file.size > MAX_URDF_BYTES)
     throw new DropError(`${path}: larger than 8 MiB`, { why: 'dropTooLarge', path });
-  const text = new TextDecoder().decode(await file.bytes());
-  const format = otherFormatOf(text);
-  if (format !== null) throw refuseFormat({ path, format });
+  const bytes = await file.bytes();
   try {
-    return readUrdf(readXml(text));
+    const text = readRobotText(bytes);
+    const format = otherFormatOf(text.text);
+    if (format !== null) throw refuseFormat({ path, format });
+    return parseUrdf(text);
   } catch (cause) {
     if (!(cause instanceof XmlRefused)) throw cause;
     const where = cause.line === null ? path : `${path}, line ${cause.line}`;
@@ -141,53 +146,4 @@ function slidersOf({ joints }: Urdf): SliderJoint[] {
       },
     ];
   });
-}
-
-/** Finds the file that a URI names, regardless of the package name: the one with the longest common path suffix. */
-class Finder {
-  readonly #byLowerCase = new Map<string, string>();
-  /** File name → all paths with that name, also split into parts. */
-  readonly #byName = new Map<string, { readonly parts: readonly string[]; readonly path: string }[]>();
-  readonly #folder: string;
-
-  constructor(files: LocalFiles, urdf: string) {
-    for (const path of files.keys()) this.#byLowerCase.set(path.toLowerCase(), path);
-    for (const [lower, path] of this.#byLowerCase) {
-      const parts = lower.split('/');
-      const name = parts.at(-1)!;
-      const namesakes = this.#byName.get(name) ?? [];
-      namesakes.push({ parts, path });
-      this.#byName.set(name, namesakes);
-    }
-    this.#folder = urdf.includes('/') ? urdf.slice(0, urdf.lastIndexOf('/')) : '';
-  }
-
-  find(uri: string): string | null {
-    const bare = decoded(uri.replace(/^(package|file|model):\/*/i, ''));
-    const relative = tidyPath(`${this.#folder}/${bare}`);
-    const exact = relative === null ? undefined : this.#byLowerCase.get(relative.toLowerCase());
-    if (exact !== undefined) return exact;
-    const parts = (tidyPath(bare) ?? '').toLowerCase().split('/');
-    let best: string | null = null;
-    let most = 0;
-    for (const { parts: own, path } of this.#byName.get(parts.at(-1)!) ?? []) {
-      const same = sameAtEnd(own, parts);
-      if (same > most) [best, most] = [path, same];
-    }
-    return best;
-  }
-}
-
-function sameAtEnd(a: readonly string[], b: readonly string[]): number {
-  let same = 0;
-  while (same < a.length && same < b.length && a.at(-1 - same) === b.at(-1 - same)) same += 1;
-  return same;
-}
-
-function decoded(text: string): string {
-  try {
-    return decodeURIComponent(text);
-  } catch {
-    return text;
-  }
 }

@@ -1,5 +1,6 @@
 import { rpyOf } from '../model/vectors.ts';
 import { distrustMasses, type Finding, isPrintable, quoted } from './finding.ts';
+import type { Text } from './text.ts';
 import {
   type Inertial,
   type Joint,
@@ -14,7 +15,7 @@ import {
   type Vector,
   type Visual,
 } from './types.ts';
-import { type XmlElement, XmlRefused } from './xml.ts';
+import { readXml, type XmlElement, XmlRefused } from './xml.ts';
 
 /**
  * Reads a URDF the same way as the edge (posecast_edge.model.urdf.reader): an unreadable value is reported and replaced by the
@@ -49,15 +50,29 @@ const ROOTS_OF_OTHERS: Readonly<Record<string, string>> = {
   html: 'this is an HTML page, not URDF',
   COLLADA: 'this is a Collada mesh, not URDF',
   package: 'this is a ROS package.xml, not URDF',
+  launch: 'this is a ROS launch file, not URDF: give the URDF or xacro that it loads',
 };
+const SRDF_TAGS = new Set([
+  ...['group', 'group_state', 'end_effector', 'virtual_joint', 'disable_collisions', 'passive_joint'],
+]);
 const SENSOR_TAGS = new Set(['camera', 'ray', 'imu', 'force_torque', 'contact', 'gps', 'lidar']);
 
+/** Reads the text of a URDF. Throws XmlRefused if it is no URDF at all. */
+export function parseUrdf({ text, findings }: Text): Urdf {
+  const urdf = readUrdf(readXml(text));
+  urdf.findings.unshift(...findings);
+  return urdf;
+}
+
 /** Reads the root element of a URDF. Throws XmlRefused if it is no URDF at all. */
-export function readUrdf(root: XmlElement): Urdf {
+export function readUrdf(root: XmlElement): UrdfReader {
   if (root.tag !== 'robot') {
     const other = Object.hasOwn(ROOTS_OF_OTHERS, root.tag) ? ROOTS_OF_OTHERS[root.tag] : undefined;
     throw new XmlRefused(other ?? `the root element is <${root.tag.slice(0, 40)}>, not <robot>`, root.line);
   }
+  const tags = root.children.map(({ tag }) => tag);
+  if (tags.some((tag) => SRDF_TAGS.has(tag)) && !tags.includes('link') && !tags.includes('joint'))
+    throw new XmlRefused("this is an SRDF, MoveIt's file beside a URDF: give the URDF", root.line);
   return new UrdfReader(root);
 }
 

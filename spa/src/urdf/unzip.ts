@@ -1,7 +1,9 @@
 import { Unzip, UnzipInflate } from 'fflate';
 import { joined } from '../kit.ts';
+import { listZip, ZipError } from '../zip.ts';
 import {
   DropError,
+  isResourceFork,
   type LocalFile,
   type LocalFiles,
   MAX_ALL_BYTES,
@@ -10,9 +12,15 @@ import {
   type Refusal,
   tidyPath,
 } from './local_files.ts';
+import { decodedAs } from './text.ts';
 
-/** File types of models; other members of a zip are not unpacked. */
-const WANTED = /\.(urdf|xacro|sdf|world|xml|mjcf|stl|dae|obj|mtl|glb|png|jpe?g)$/i;
+/** File types of models; other members of a zip are not unpacked, only known by name. */
+const WANTED = /\.(urdf|xacro|sdf|world|xml|config|mjcf|srdf|stl|dae|obj|mtl|glb|gltf|ply|png|jpe?g)$/i;
+/** Ways of packing that are not supported, by their numbers. */
+const METHODS: Readonly<Record<number, string>> = {
+  ...{ 9: 'Deflate64', 12: 'bzip2', 14: 'LZMA', 93: 'Zstandard', 95: 'xz', 98: 'PPMd' },
+};
+const UTF8_FLAG = 1 << 11;
 
 /** Bytes unpacked at a time: each piece may grow a thousandfold before it can be refused. */
 const PIECE = 2048;
@@ -33,12 +41,23 @@ export async function unzip(file: Blob): Promise<LocalFiles> {
   const refuse = (message: string, why: Refusal) => {
     refusal ??= new DropError(message, why);
   };
+  const names = await namesOf(file);
   const reader = new Unzip((member) => {
     members += 1;
     if (members > MAX_FILES)
       refuse(`The zip has more than ${MAX_FILES} members.`, { why: 'dropTooMany', count: MAX_FILES });
-    const path = tidyPath(member.name);
-    if (refusal !== null || path === null || !WANTED.test(path)) return; // not started: skipped
+    const path = tidyPath(names.get(member.name) ?? member.name);
+    if (refusal !== null || path === null || isResourceFork(path)) return; // not started: skipped
+    if (!WANTED.test(path)) {
+      if (path !== '' && !member.name.endsWith('/')) found.set(path, unread(path));
+      return;
+    }
+    if (member.compression !== 0 && member.compression !== 8) {
+      const method = METHODS[member.compression] ?? `method ${member.compression}`;
+      const what = `packed with ${method}, which is not supported: pack the folder as an ordinary zip (Deflate)`;
+      refuse(`${path}: ${what}`, { why: 'dropUnreadable', path, what });
+      return;
+    }
     const pieces: Uint8Array[] = [];
     let size = 0;
     member.ondata = (error, piece, final) => {
@@ -90,4 +109,25 @@ export async function unzip(file: Blob): Promise<LocalFiles> {
   if (refusal !== null) throw refusal;
   if (members === 0) throw new DropError('This is not a zip file.', { why: 'dropNoZip' });
   return found;
+}
+
+/** A member that is known by name only. */
+function unread(path: string): LocalFile {
+  return { size: 0, bytes: () => Promise.reject(new Error(`${path} is not unpacked`)) };
+}
+
+/** The names of a zip's members, by what fflate makes of them. A name that is not marked as UTF-8 may be in it nevertheless, or in
+ *  GBK, as on a Chinese Windows. */
+async function namesOf(file: Blob): Promise<Map<string, string>> {
+  const names = new Map<string, string>();
+  const entries = await listZip(file, MAX_FILES).catch((cause: unknown) => {
+    if (cause instanceof ZipError) return []; // what is wrong with it is found when it is unpacked
+    throw cause;
+  });
+  for (const { name, flags } of entries) {
+    if ((flags & UTF8_FLAG) !== 0) continue;
+    const proper = decodedAs('utf-8', name) ?? decodedAs('gb18030', name);
+    if (proper !== null) names.set(String.fromCharCode(...name), proper);
+  }
+  return names;
 }

@@ -51,7 +51,7 @@ export class XmlElement {
 /** Parses XML. Throws XmlRefused; hostile texts are refused before the browser's parser sees them. */
 export function readXml(text: string): XmlElement {
   if (text.length > MAX_BYTES) throw new XmlRefused('larger than 8 MiB', null);
-  const { lines, declared } = scan(withoutLateDeclaration(text));
+  const { lines, declared } = scan(text);
   const xml = new DOMParser().parseFromString(declared, 'text/xml');
   const complaint = xml.querySelector('parsererror')?.textContent;
   if (complaint != null) {
@@ -76,25 +76,6 @@ const ASIDES = [
   ['<![CDATA[', ']]>'],
   ['<?', '?>'],
 ] as const;
-
-const BLANKS = /[ \t\n\v\f\r]*/y;
-const DECLARATION_MAX = 200; // letters
-
-/** Blanks out an XML declaration after blanks or comments: the edge accepts it, like ROS, but browsers don't. */
-function withoutLateDeclaration(text: string): string {
-  let at = 0;
-  for (;;) {
-    BLANKS.lastIndex = at;
-    BLANKS.test(text);
-    at = BLANKS.lastIndex;
-    const end = text.startsWith('<!--', at) ? text.indexOf('-->', at + 4) : -1;
-    if (end < 0) break;
-    at = end + 3;
-  }
-  const end = text.slice(at, at + DECLARATION_MAX).indexOf('?>');
-  if (at === 0 || end < 0 || !text.startsWith('<?xml', at)) return text;
-  return text.slice(0, at + end + 2).replace(/[^\n]/g, ' ') + text.slice(at + end + 2);
-}
 
 /**
  * Returns the line of each start tag in document order, and the text in a form that browsers accept: with all used prefixes

@@ -259,7 +259,7 @@ describe('a URDF', () => {
 
 /** Everything computed from a URDF before its meshes are read. */
 function drawn(urdf: Urdf): void {
-  diagnose(urdf, new Set(), null);
+  diagnose(urdf, new Map(), null);
   try {
     modelOf(urdf);
   } catch (cause) {
@@ -283,7 +283,7 @@ describe('a dropped folder', () => {
     const { openLocal: open } = (await import('../../src/urdf/local_robot.ts')) as {
       openLocal: typeof openLocal;
     };
-    const files = folder([...many(200, (i) => `f${i}/a`), 'r.urdf'], '');
+    const files = folder([...many(200, (i) => `f${i}/a`), 'r.urdf'], '<robot/>');
     const read = (made: XmlElement) => {
       root = made;
       return open(files, 'r.urdf');

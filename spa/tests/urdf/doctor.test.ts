@@ -12,19 +12,24 @@ import { readXml, XmlRefused } from '../../src/urdf/xml.ts';
 type Row = [severity: string, code: string, text: string, line: number | null];
 const CORPUS = JSON.parse(
   readFileSync(path.resolve(import.meta.dirname, '../../../edge-agent/tests/doctor_corpus.json'), 'utf8'),
-) as { urdf: string; meshes?: Record<string, MeshFacts>; findings: Row[]; poses?: number[][] }[];
+) as {
+  urdf: string;
+  meshes?: Record<string, MeshFacts & { hint?: string }>;
+  findings: Row[];
+  poses?: number[][];
+}[];
 
 const found = (
   urdf: string,
   missing: readonly string[] = [],
-  meshes: ReadonlyMap<string, MeshFacts> | null = null,
+  meshes: ReadonlyMap<string, MeshFacts & { hint?: string }> | null = null,
 ): Row[] =>
-  diagnose(readUrdf(readXml(urdf)), new Set(missing), meshes).map(({ severity, code, text, line }) => [
-    severity,
-    code,
-    text,
-    line,
-  ]);
+  diagnose(
+    readUrdf(readXml(urdf)),
+    new Map(missing.map((uri) => [uri, 'no such file'])),
+    meshes,
+    new Map([...(meshes ?? [])].flatMap(([uri, { hint }]) => (hint === undefined ? [] : [[uri, hint]]))),
+  ).map(({ severity, code, text, line }) => [severity, code, text, line]);
 
 describe("the page's doctor", () => {
   it.each(CORPUS.map((robot, i) => [`${i} ${robot.findings[0]?.[1] ?? 'healthy'}`, robot] as const))(

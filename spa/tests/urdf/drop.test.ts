@@ -4,6 +4,7 @@ import { describe, expect, it } from 'vitest';
 import { refusalWords } from '../../src/app/pages/local/local_files.ts';
 import { moreEn } from '../../src/app/text/more_en.ts';
 import { filesOf, localFiles } from '../../src/urdf/dropped_files.ts';
+import { FileFinder } from '../../src/urdf/file_finder.ts';
 import { type LocalFile, MAX_FILES, tidyPath } from '../../src/urdf/local_files.ts';
 import { type LocalRobot, openLocal, urdfsIn } from '../../src/urdf/local_robot.ts';
 import { unzip } from '../../src/urdf/unzip.ts';
@@ -45,8 +46,22 @@ describe('a dropped robot', () => {
     ]);
     expect([...manifest.missing]).toEqual(['gone.stl']);
     expect(findings(null).map(({ text, line }) => [text, line])).toEqual([
-      ["mesh 'gone.stl' of link 'a': no such file", 1],
+      [
+        "mesh 'gone.stl' of link 'a': no such file; looked for 'top/urdf/gone.stl' and any 'gone.stl' in the robot's folder",
+        1,
+      ],
     ]);
+  });
+
+  it.each([
+    ['arm/urdf/r.urdf', 'package://arm/meshes/a.stl', null],
+    ['ws/arm/urdf/r.urdf', 'package://arm/meshes/a.stl', null],
+    ['arm/urdf/r.urdf', 'package://renamed/meshes/a.stl', 'not where it says; '],
+  ])('%s: a package that is called like its folder needs no hint: %s', (path, uri, hint) => {
+    const mesh = path.replace('urdf/r.urdf', 'meshes/a.stl');
+    const found = new FileFinder(folder({ [path]: '<robot/>', [mesh]: 'x' }), path).find(uri);
+    const expected = hint === null ? null : `${hint}'${mesh}' is taken from the model's own folder`;
+    expect(found).toEqual({ path: mesh, hint: expected });
   });
 
   it('never leaves what was dropped', () => {
@@ -89,7 +104,7 @@ describe('a dropped robot', () => {
   });
 
   it.each([
-    ['no URDF', { 'a.stl': 'x' }, 'These files include no .urdf.'],
+    ['no URDF', { 'a.stl': 'x', 'b.stl': 'y' }, 'These files include no .urdf.'],
     [
       'an entity',
       { 'r.urdf': '<!DOCTYPE r [<!ENTITY a "b">]><robot/>' },
@@ -140,7 +155,8 @@ describe('a robot in a format that only the edge reads', () => {
     ['nothing', { 'a.xml': '' }],
     ['a name that every object has', { 'a.xml': '<constructor/>' }],
   ])('%s is no robot', async (_, files) => {
-    expect(await refusal(files as unknown as Record<string, string>)).toBe(moreEn.dropNoUrdf);
+    const beside = { ...(files as unknown as Record<string, string>), 'b.txt': 'x' };
+    expect(await refusal(beside)).toBe(moreEn.dropNoUrdf);
   });
 
   it('a URDF beside them is what is shown', async () => {
@@ -190,6 +206,170 @@ describe('what is dropped', () => {
   });
 });
 
+describe('what is no URDF', () => {
+  const said = (files: Record<string, string>) =>
+    opened(folder(files)).then(
+      ({ urdf }) => urdf.name,
+      (cause: Error) => cause.message,
+    );
+  const text = '<robot name="r"><link name="a"/></robot>';
+
+  it.each<[string, Record<string, string>, string]>([
+    ['the output of a tool', { 'echo.txt': `data: ${JSON.stringify(text)}\n---\n` }, 'r'],
+    ['a parameter', { param: `String value is: ${text}` }, 'r'],
+    ['a URDF called XML', { 'r.xml': text }, 'r'],
+    [
+      'USD',
+      { 'a/r.usda': '#usda 1.0', 'a/x.png': 'x' },
+      'a/r.usda: a USD file, not a robot description: export the robot as URDF',
+    ],
+    [
+      'Webots',
+      { 'w.wbt': '#VRML_SIM R2023b utf8', 'x.png': 'x' },
+      'w.wbt: a Webots file, not a robot description: in Webots, right-click the robot and export it as URDF',
+    ],
+    [
+      'SRDF',
+      { 'r.srdf': '<robot><group name="a"/></robot>', 'x.png': 'x' },
+      "r.srdf, line 1: this is an SRDF, MoveIt's file beside a URDF: give the URDF",
+    ],
+    [
+      'a mesh',
+      { 'a.obj': 'v 0 0 0' },
+      'a.obj: an OBJ mesh, not a robot description: give the URDF that names it',
+    ],
+    [
+      'a mesh called URDF',
+      { 'r.urdf': 'solid a\nendsolid a', 'x.png': 'x' },
+      'r.urdf: an STL mesh, not a robot description: give the URDF that names it',
+    ],
+  ])('%s is read, or called by its name', async (_, files, expected) => {
+    expect(await said(files)).toBe(expected);
+  });
+});
+
+describe('a zip of somewhere else', () => {
+  const robotWith = (mesh: string) =>
+    `<robot name="r"><link name="a"><visual><geometry><mesh filename="${mesh}"/></geometry></visual></link></robot>`;
+  const GBK: Readonly<Record<string, number[]>> = { 机: [0xbb, 0xfa], 器: [0xc6, 0xf7], 人: [0xc8, 0xcb] };
+  const utf8 = (name: string) => strToU8(name);
+  const gbk = (name: string) =>
+    Uint8Array.from([...name].flatMap((letter) => GBK[letter] ?? [letter.charCodeAt(0)]));
+  const latin = (name: string) => strToU8(name, true);
+
+  /** A zip of stored members whose names are written in an encoding, marked as UTF-8 or not. */
+  function packed(
+    members: Readonly<Record<string, string>>,
+    {
+      encode = utf8,
+      flags = 0,
+      method = 0,
+    }: { encode?: (name: string) => Uint8Array; flags?: number; method?: number },
+  ): Blob {
+    const parts: Uint8Array[] = [];
+    const list: Uint8Array[] = [];
+    let at = 0;
+    for (const [name, content] of Object.entries(members)) {
+      const [path, data] = [encode(name), strToU8(content)];
+      const head = new DataView(new ArrayBuffer(46));
+      head.setUint32(0, 0x02014b50, true);
+      head.setUint16(8, flags, true);
+      head.setUint16(10, name.endsWith('.urdf') ? 0 : method, true);
+      head.setUint32(20, data.length, true);
+      head.setUint32(24, data.length, true);
+      head.setUint16(28, path.length, true);
+      head.setUint32(42, at, true);
+      list.push(new Uint8Array(head.buffer), path);
+      const local = new Uint8Array(30);
+      local.set([0x50, 0x4b, 3, 4, 20, 0, ...new Uint8Array(head.buffer).subarray(8, 30)]);
+      parts.push(local, path, data);
+      at += 30 + path.length + data.length;
+    }
+    const end = new DataView(new ArrayBuffer(22));
+    end.setUint32(0, 0x06054b50, true);
+    end.setUint16(8, list.length / 2, true);
+    end.setUint16(10, list.length / 2, true);
+    end.setUint32(
+      12,
+      list.reduce((sum, { length }) => sum + length, 0),
+      true,
+    );
+    end.setUint32(16, at, true);
+    return new Blob([...parts, ...list, new Uint8Array(end.buffer)] as BlobPart[]);
+  }
+
+  it.each([
+    ['plain names', 'arm', utf8, 0],
+    ['UTF-8 that is marked', '机器人', utf8, 1 << 11],
+    ['UTF-8 that is not marked', '机器人', utf8, 0],
+    ['GBK', '机器人', gbk, 0],
+    ['UTF-8 of accents, marked', 'Größe', utf8, 1 << 11],
+    ['UTF-8 of accents, not marked', 'Größe', utf8, 0],
+    ['decomposed accents, marked', 'Größe'.normalize('NFD'), utf8, 1 << 11],
+    ['decomposed accents, not marked', 'Größe'.normalize('NFD'), utf8, 0],
+    ['Hangul of a Mac', '로봇'.normalize('NFD'), utf8, 0],
+    ['signs of URIs', 'a#b?c%20d', utf8, 0],
+    ['Latin-1', 'é', latin, 0],
+  ] as const)('names in %s are found', async (_, name, encode, flags) => {
+    const zip = packed(
+      {
+        [`${name}/urdf/r.urdf`]: robotWith(`package://x/meshes/${name.normalize('NFC')}.stl`),
+        [`${name}/meshes/${name}.stl`]: 'mesh',
+      },
+      { encode, flags },
+    );
+    const { manifest, path: urdf } = await opened(await unzip(zip));
+    expect([...manifest.missing]).toEqual([]);
+    expect(urdf).toBe(`${name}/urdf/r.urdf`);
+  });
+
+  it('what a Mac notes beside each file is no robot', async () => {
+    const files = { 'm/r.urdf': robotWith('a.stl'), 'm/a.stl': 'x' };
+    const forks = {
+      '__MACOSX/m/._r.urdf': '\0',
+      '__MACOSX/._m': '\0',
+      'm/._a.stl': '\0',
+      'm/.DS_Store': '\0',
+    };
+    expect([...(await unzip(packed({ ...forks, ...files }, {}))).keys()].sort()).toEqual([
+      'm/a.stl',
+      'm/r.urdf',
+    ]);
+    const dropped = new Map(Object.keys({ ...forks, ...files }).map((name) => [name, new File(['x'], name)]));
+    expect([...(await localFiles(dropped)).keys()].sort()).toEqual(['m/a.stl', 'm/r.urdf']);
+  });
+
+  it.each([
+    [12, 'bzip2'],
+    [14, 'LZMA'],
+    [93, 'Zstandard'],
+    [42, 'method 42'],
+  ])('a member packed in way %i is refused by name', async (method, name) => {
+    const zip = packed({ 'r.urdf': robotWith('a.stl'), 'a.stl': 'x' }, { method });
+    const cause = await unzip(zip).catch((error: unknown) => error);
+    expect(refusalWords(cause).replace(/[\u2066-\u2069]/g, '')).toBe(
+      `a.stl: packed with ${name}, which is not supported: pack the folder as an ordinary zip (Deflate)`,
+    );
+  });
+
+  it.each(['ply', 'fbx', 'step', 'pdf'])('a file of another kind is not missing: .%s', async (suffix) => {
+    const zip = packed({ 'r.urdf': robotWith(`a.${suffix}`), [`a.${suffix}`]: 'ply\n' }, {});
+    const { findings, manifest, files } = await opened(await unzip(zip));
+    const found = findings(null).map(({ text }) => text);
+    if (suffix !== 'ply') {
+      expect(found).toEqual([
+        `mesh 'a.${suffix}' of link 'a': '.${suffix}' is not a supported mesh or picture format`,
+      ]);
+      return;
+    }
+    expect(found).toEqual([]);
+    const { MeshLoader } = await import('../../src/scene/three/mesh_loader.ts');
+    await expect(new MeshLoader(files).load(manifest.files.get('a.ply')!)).rejects.toThrow(
+      'a.ply: a PLY mesh, which is not supported: export it as STL, Collada, OBJ or GLB',
+    );
+  });
+});
+
 describe('a zip', () => {
   const zipped = (members: Record<string, Uint8Array>) => new Blob([new Uint8Array(zipSync(members))]);
 
@@ -200,7 +380,8 @@ describe('a zip', () => {
       'r/notes.pdf': strToU8('no'),
     });
     const files = await localFiles(new Map([['r.zip', new File([zip], 'r.zip')]]));
-    expect([...files.keys()].sort()).toEqual(['r/meshes/a.stl', 'r/r.urdf']);
+    expect([...files.keys()].sort()).toEqual(['r/meshes/a.stl', 'r/notes.pdf', 'r/r.urdf']);
+    expect(files.get('r/notes.pdf')!.size).toBe(0);
     const { manifest, files: read } = await opened(files);
     expect(new TextDecoder().decode(await read.fetch(manifest.files.get('meshes/a.stl')!))).toBe('mesh');
   });

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.text import Text, read_robot_text, read_text
 from posecast_edge.model.urdf.reader import BYTES_MAX, load_urdf, read_urdf
-from posecast_edge.model.urdf.resolver import Resolver, open_file
+from posecast_edge.model.urdf.resolver import Resolver, open_file, read_bounded
 from posecast_edge.model.urdf.types import Urdf
 from posecast_edge.model.urdf.xml_tree import read_root_tag
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from posecast_edge.model.meshes.mesh import Mesh
 
 ROOTS = {"mujoco": "mjcf", "sdf": "sdf", "gazebo": "sdf"}  # root element → format; any other is a URDF
+FILE_MAX = 32 << 20  # bytes of a file that is decoded here for its findings alone
 MJCF_READER = "posecast_edge.model.mjcf.reader"
 COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 MACRO = re.compile(rb"<xacro:|\"[^\"<>]*\$[{(]")  # a tag of xacro's, or an attribute with an expression
@@ -44,13 +46,19 @@ def find_format(path: Path) -> str:
             content = source.read(BYTES_MAX)
     except OSError:
         return "urdf"
-    if path.suffix.lower() == ".xacro" or (b"xacro" in content and MACRO.search(COMMENT.sub(b"", content))):
+    try:
+        text = read_robot_text(content)
+    except ModelRefused:
+        text = Text(b"")
+    if path.suffix.lower() == ".xacro" or (
+        b"xacro" in text.utf8 and MACRO.search(COMMENT.sub(b"", text.utf8))
+    ):
         return "xacro"
-    return _find_plain_format(content)
+    return _find_plain_format(text)
 
 
-def _find_plain_format(content: bytes) -> str:
-    return ROOTS.get(read_root_tag(io.BytesIO(content)) or "", "urdf")
+def _find_plain_format(text: Text) -> str:
+    return ROOTS.get(read_root_tag(text) or "", "urdf")
 
 
 def load_robot_file(
@@ -82,13 +90,14 @@ def _load_xacro(path: Path, packages: Sequence[Path], arguments: Mapping[str, st
         urdf.findings.append(Finding("error", "xacro", f"not expanded: {e.reason}", e.line))
         return RobotFile(urdf, {}, (path,))
     try:
-        sdf = _find_plain_format(expanded.text) == "sdf"
+        sdf = _find_plain_format(Text(expanded.text)) == "sdf"
         urdf = read_sdf(expanded.text) if sdf else read_urdf(io.BytesIO(expanded.text))
     except ModelRefused as e:
         where = "" if e.line is None else f"line {e.line} of "
         raise ModelRefused(f"{where}the expanded file: {e.reason}") from None
     if not urdf.links:
         raise ModelRefused("it has macros and no link: give the file that uses them")
+    urdf.findings += read_text(read_bounded(path, FILE_MAX)).findings
     urdf.findings += [Finding("hint", "include-found", f"include {note}") for note in expanded.notes]
     return RobotFile(urdf, {}, expanded.inputs)
 
@@ -108,6 +117,7 @@ def _load_mjcf(path: Path, packages: Sequence[Path]) -> RobotFile:
     """MJCF is compiled by MuJoCo, an extra that only this branch needs."""
     reader = importlib.import_module(MJCF_READER)
     robot: RobotFile = reader.load_mjcf(path, packages)
+    robot.urdf.findings[:0] = read_text(read_bounded(path, FILE_MAX)).findings  # MuJoCo gets UTF-8
     return robot
 
 

@@ -1,27 +1,31 @@
 import { type BundleFile, NotNow, type RawFiles } from '../../model/bundle.ts';
 import type { MeshNote } from '../../model/report.ts';
-import { isAsciiStl, isBinaryStl, MeshError, parseStl, tailBytes } from '../../urdf/meshes/stl.ts';
+import { foreignTo, MESH, type MeshKind, meshKindOf } from '../../urdf/content.ts';
+import { MeshError, parseStl } from '../../urdf/meshes/stl.ts';
 import { weld } from '../../urdf/meshes/weld.ts';
+import { readText } from '../../urdf/text.ts';
 import type { LoadedMesh } from './loaded_mesh.ts';
 
-export type MeshKind = 'stl' | 'collada' | 'obj' | 'glb';
-
 /** How a format is called in a sentence. */
-const NAMES: Readonly<Record<MeshKind, string>> = { stl: 'STL', collada: 'Collada', obj: 'OBJ', glb: 'glTF' };
+const NAMES: Readonly<Record<MeshKind, string>> = {
+  stl: 'STL',
+  collada: 'Collada',
+  obj: 'OBJ',
+  glb: 'glTF',
+  gltf: 'glTF',
+};
 
 /** The format of a mesh file, detected from its bytes and not its name: a host may answer an unknown path with a web page, which
  *  read as STL would have four billion triangles. Throws MeshError if the format is unknown. */
-export function meshKind(bytes: Uint8Array): MeshKind {
-  if (new TextDecoder('latin1').decode(bytes.subarray(0, 4)) === 'glTF') return 'glb';
-  if (isBinaryStl(bytes)) return 'stl';
-  const head = new TextDecoder('latin1').decode(bytes.subarray(0, 4096));
-  if (/<COLLADA[\s>]/.test(head)) return 'collada';
-  if (/<!doctype html|<html[\s>]/i.test(head))
-    throw new MeshError('the server sent a web page instead of a mesh');
-  if (isAsciiStl(bytes)) return 'stl';
-  if (bytes.length === 0) throw new MeshError('empty');
-  if (/^\s*(?:v|mtllib|o|g)\s+\S/m.test(head) && !head.includes('\0')) return 'obj';
-  throw new MeshError('not STL, Collada, OBJ or GLB');
+export function meshKind(bytes: Uint8Array, name = ''): MeshKind {
+  const foreign = foreignTo(MESH, bytes);
+  if (foreign !== null) throw new MeshError(foreign);
+  const kind = meshKindOf(bytes);
+  if (kind === 'gltf')
+    throw new MeshError('a .gltf names other files, which the page does not read: export it as GLB');
+  if (kind === null && /\.stl$/i.test(name) && bytes.subarray(0, 84).includes(0)) return 'stl'; // its reader says why
+  if (kind === null) throw new MeshError('not STL, Collada, OBJ or glTF');
+  return kind;
 }
 
 /** Loads the mesh files of one bundle, each once even if several links use it. */
@@ -44,29 +48,26 @@ export class MeshLoader {
   }
 
   async #parse(kind: MeshKind, bytes: Uint8Array, file: BundleFile): Promise<LoadedMesh> {
-    switch (kind) {
-      case 'stl':
-        return {
-          parts: [{ surface: weld(parseStl(bytes)), paint: null }],
-          notes: stlNotes(bytes),
-        };
-      case 'collada':
-        return (await decoder(import('./collada.ts'))).readCollada(new TextDecoder().decode(bytes));
-      case 'obj':
-        return (await decoder(import('./obj.ts'))).readObj(
-          new TextDecoder().decode(bytes),
-          async (name) => (await this.#files.beside?.(file, name)) ?? null,
-        );
-      case 'glb':
-        return (await decoder(import('./gltf.ts'))).readGlb(bytes);
+    if (kind === 'stl') {
+      const { soup, notes } = parseStl(bytes);
+      return { parts: [{ surface: weld(soup), paint: null }], notes };
     }
+    if (kind === 'glb') return (await decoder(import('./gltf.ts'))).readGlb(bytes);
+    const { text, findings } = readText(bytes);
+    const beside = async (name: string) => (await this.#files.beside?.(file, name)) ?? null;
+    const mesh =
+      kind === 'collada'
+        ? (await decoder(import('./collada.ts'))).readCollada(text)
+        : await (await decoder(import('./obj.ts'))).readObj(text, beside);
+    const odd = findings.map((found): MeshNote => [found.code, found.text]);
+    return { parts: mesh.parts, notes: [...odd, ...mesh.notes] };
   }
 
   async #read(file: BundleFile): Promise<LoadedMesh> {
     const bytes = await this.#files.fetch(file);
     let kind: MeshKind | null = null;
     try {
-      kind = meshKind(bytes);
+      kind = meshKind(bytes, file.path);
       const mesh = await this.#parse(kind, bytes, file);
       if (mesh.parts.every((part) => part.surface.index.length === 0))
         throw new MeshError('it has no triangles');
@@ -87,9 +88,4 @@ function decoder<T>(code: Promise<T>): Promise<T> {
   return code.catch((cause: unknown) => {
     throw new NotNow('its decoder did not come', { cause });
   });
-}
-
-function stlNotes(bytes: Uint8Array): MeshNote[] {
-  const tail = tailBytes(bytes);
-  return tail === 0 ? [] : [['stl-tail', `${tail} bytes after the last triangle`]];
 }

@@ -4,6 +4,7 @@ import { linear, type Paint } from '../../urdf/manifest.ts';
 import type { PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
 import { MeshError } from '../../urdf/meshes/stl.ts';
 import { weld } from '../../urdf/meshes/weld.ts';
+import { readText } from '../../urdf/text.ts';
 import { type LoadedMesh, NO_PICTURES } from './loaded_mesh.ts';
 import { PolygonCutter } from './polygons.ts';
 
@@ -57,7 +58,7 @@ export async function readObj(
   const looks = new Map<string, Look>();
   for (const name of libraries) {
     const bytes = await beside(name);
-    if (bytes !== null) readLibrary(new TextDecoder().decode(bytes), looks);
+    if (bytes !== null) readLibrary(readText(bytes).text, looks);
     else notes.push(['material-file', `its material library ${quoted(name)}: no such file`]);
   }
   const cutter = new PolygonCutter(notes);

@@ -3,9 +3,10 @@ import { factsOf, type MeshFacts, type ModelReport, missingMesh } from '../../mo
 import { modelOf, UrdfError } from '../../urdf/manifest.ts';
 import { LodBuilder, type PaintedSurface } from '../../urdf/meshes/lod_builder.ts';
 import { ownMesh } from '../../urdf/meshes/primitives.ts';
-import { readUrdf } from '../../urdf/reader.ts';
+import { parseUrdf } from '../../urdf/reader.ts';
+import { readRobotText } from '../../urdf/text.ts';
 import type { Urdf } from '../../urdf/types.ts';
-import { readXml, XmlRefused } from '../../urdf/xml.ts';
+import { XmlRefused } from '../../urdf/xml.ts';
 import type { Stage } from './built_robot.ts';
 import { MeshLoader } from './mesh_loader.ts';
 import { whyAbsent } from './placeholder.ts';
@@ -22,11 +23,9 @@ export interface RawModel {
 
 /** Fetches and parses the URDF of a raw bundle. Rejects with a one-line Error. */
 export async function fetchUrdf(manifest: RawManifest, files: RawFiles): Promise<Urdf> {
-  const text = new TextDecoder().decode(await files.fetch(manifest.urdf));
+  const bytes = await files.fetch(manifest.urdf);
   try {
-    const root = readXml(text);
-    if (root.tag !== 'robot') throw new UrdfError('URDF: no <robot> element');
-    return readUrdf(root);
+    return parseUrdf(readRobotText(bytes));
   } catch (cause) {
     if (!(cause instanceof XmlRefused)) throw cause;
     const where = cause.line === null ? '' : `error on line ${cause.line}: `;

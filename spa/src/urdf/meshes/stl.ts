@@ -1,3 +1,6 @@
+import { measureStl, meshKindOf } from '../content.ts';
+import { readText } from '../text.ts';
+
 /**
  * Reads STL files as a triangle soup: x, y, z of three corners for each face. Normals in the file are ignored, because
  * many exporters write zeros and `weld` computes better ones.
@@ -8,34 +11,26 @@ export class MeshError extends Error {}
 const HEADER = 84;
 const FACE = 50;
 
-/** Whether the size fits a binary STL: 84 bytes plus 50 for each face, and perhaps a few more at the end. Some binary files begin
- *  with "solid", so that word alone proves nothing. */
-export function isBinaryStl(bytes: Uint8Array): boolean {
-  if (bytes.length < HEADER) return false;
-  const faces = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength).getUint32(80, true);
-  const expected = HEADER + faces * FACE;
-  return bytes.length === expected || (bytes.length > expected && faces > 0 && !isAsciiStl(bytes));
+/** The triangles of a file, and what the reader had to work around. Throws MeshError. */
+export function parseStl(bytes: Uint8Array): { soup: Float32Array; notes: [code: string, text: string][] } {
+  const { count, room, rest } = measureStl(bytes);
+  const number = (value: number) => value.toLocaleString('en-US');
+  if (rest === 0 && (count === room || count === 0)) {
+    const claim = `its header claims no triangles; the file's ${number(room)} are shown`;
+    return { soup: parseBinary(bytes, room), notes: count === room ? [] : [['stl-count', claim]] };
+  }
+  if (meshKindOf(bytes) === 'stl' && !(count > 0 && count <= room))
+    return { soup: parseAscii(readText(bytes).text), notes: [] };
+  if (count === 0 || count > room)
+    throw new MeshError(
+      `the STL's header claims ${number(count)} triangles, the file has room for ${number(room)}`,
+    );
+  const tail = bytes.length - HEADER - count * FACE;
+  return { soup: parseBinary(bytes, count), notes: [['stl-tail', `${tail} bytes after the last triangle`]] };
 }
 
-export function isAsciiStl(bytes: Uint8Array): boolean {
-  const head = new TextDecoder('latin1').decode(bytes.subarray(0, 1024)).replace(/^[^a-zA-Z]*/, '');
-  return /^solid/i.test(head) && /\bfacet\b|\bendsolid\b/i.test(head);
-}
-
-/** Number of bytes after the last triangle of a binary file. */
-export function tailBytes(bytes: Uint8Array): number {
-  if (!isBinaryStl(bytes)) return 0;
-  const faces = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength).getUint32(80, true);
-  return bytes.length - HEADER - faces * FACE;
-}
-
-export function parseStl(bytes: Uint8Array): Float32Array {
-  return isBinaryStl(bytes) ? parseBinary(bytes) : parseAscii(new TextDecoder().decode(bytes));
-}
-
-function parseBinary(bytes: Uint8Array): Float32Array {
+function parseBinary(bytes: Uint8Array, faces: number): Float32Array {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  const faces = view.getUint32(80, true);
   const soup = new Float32Array(faces * 9);
   for (let face = 0; face < faces; face += 1) {
     const corners = HEADER + face * FACE + 12;
@@ -49,6 +44,7 @@ function parseAscii(text: string): Float32Array {
   for (const [, x, y, z] of text.matchAll(/\bvertex\s+(\S+)\s+(\S+)\s+(\S+)/gi)) {
     numbers.push(Number(x), Number(y), Number(z));
   }
-  if (numbers.length % 9 !== 0) throw new MeshError('a facet without three corners');
+  if (numbers.some(Number.isNaN)) throw new MeshError('a vertex of the text STL is not a number');
+  if (numbers.length % 9 !== 0) throw new MeshError('the text STL ends within a triangle');
   return Float32Array.from(numbers);
 }

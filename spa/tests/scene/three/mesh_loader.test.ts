@@ -22,11 +22,15 @@ test.each([
   [
     'a web page',
     text('<!DOCTYPE html><html><body>not found</body></html>'),
-    'the server sent a web page instead of a mesh',
+    'an HTML page, not a mesh: a server answered with a page',
   ],
-  ['nothing', new Uint8Array(), 'empty'],
-  ['another format', text('ply\nformat ascii'), 'not STL, Collada, OBJ or GLB'],
-  ['a half file', binaryStl(cubeSoup()).subarray(0, 300), 'not STL, Collada, OBJ or GLB'],
+  ['nothing', new Uint8Array(), 'the file is empty'],
+  [
+    'another format',
+    text('ply\nformat ascii'),
+    'a PLY mesh, which is not supported: export it as STL, Collada, OBJ or GLB',
+  ],
+  ['a half file', binaryStl(cubeSoup()).subarray(0, 300), 'not STL, Collada, OBJ or glTF'],
 ])('%s is an error, never a crash', (_, bytes, why) => {
   expect(() => meshKind(bytes)).toThrow(new MeshError(why));
 });
@@ -109,7 +113,9 @@ test('facts: how large a mesh is before the URDF scales it, and what its reader 
 
 test('what is wrong with a file is one line that names it', async () => {
   const wrong = loaderOf(text('<!DOCTYPE html>')).load();
-  await expect(wrong).rejects.toThrow('meshes/x.dae: the server sent a web page instead of a mesh');
+  await expect(wrong).rejects.toThrow(
+    'meshes/x.dae: an HTML page, not a mesh: a server answered with a page',
+  );
   const empty = loaderOf(binaryStl(new Float32Array())).load();
   await expect(empty).rejects.toThrow('meshes/x.dae: it has no triangles');
 });

@@ -308,8 +308,8 @@ test('a shape without end is named and not drawn, and no box is broken by it', (
 
 test.each([
   ['not XML', '<robot>\n<link name="a></robot>', /^URDF: error on line 2/],
-  ['empty', '', /^URDF: error on line 1/],
-  ['a web page', '<html><body/></html>', /^URDF: no <robot> element$/],
+  ['empty', '', /^URDF: the file is empty$/],
+  ['a web page', '<html><body/></html>', /^URDF: an HTML page, not a robot description: /],
 ])('%s is no URDF', async (_, text, why) => {
   const urdf = { path: 'r.urdf', uri: 'r.urdf', size: text.length };
   const fetched = fetchUrdf(

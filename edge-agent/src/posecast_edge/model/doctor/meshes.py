@@ -9,7 +9,7 @@ from itertools import product as corners_of
 
 from posecast_edge.model.finding import Finding, ModelRefused, quote_name
 from posecast_edge.model.kinematics import Matrix, matrix_from_quaternion, multiply
-from posecast_edge.model.urdf.resolver import REFUSALS, Resolver
+from posecast_edge.model.urdf.resolver import ADVICE, Resolver
 from posecast_edge.model.urdf.tree import Tree
 from posecast_edge.model.urdf.types import Geometry, Shape, Urdf, Vector, find_material
 
@@ -17,7 +17,7 @@ LARGE_M = 20.0
 SMALL_M = 0.05
 SPECK_M = 1e-4
 HEAVY_BYTES = 20_000_000
-REASON_CODES = {**dict.fromkeys(REFUSALS, "mesh-outside"), "no such file": "mesh-missing"}
+MISSING_WORDS = ("no such file", "no package")  # with which a reason begins
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ def _files(shapes: list[tuple[str, Shape]], facts: Mapping[str, MeshFacts]) -> I
         if fact is None:
             continue
         if fact.reason is not None:
-            code = REASON_CODES.get(fact.reason, "mesh-broken")
-            code = "mesh-missing" if fact.reason.startswith("no package") else code
+            code = "mesh-missing" if fact.reason.startswith(MISSING_WORDS) else "mesh-broken"
+            code = "mesh-outside" if fact.reason.endswith(ADVICE) and code == "mesh-broken" else code
             of = f" of link {quote_name(links[uri][0])}" + (" and others" if len(set(links[uri])) > 1 else "")
             yield Finding("error", code, f"mesh {quote_name(uri)}{of}: {fact.reason}", line)
         if fact.hint is not None:

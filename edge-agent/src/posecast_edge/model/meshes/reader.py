@@ -1,4 +1,4 @@
-"""Reads a mesh file of any format, recognised by its first bytes, then by its name."""
+"""Reads a mesh file of any format, recognised by its content."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from posecast_edge.model.finding import ModelRefused, quote_name
+from posecast_edge.model.content import MESH, STL_HEADER, find_mesh_kind, measure_stl, refuse_foreign
+from posecast_edge.model.finding import ModelRefused
 from posecast_edge.model.meshes.collada import read_collada
 from posecast_edge.model.meshes.gltf import MALFORMED, read_gltf
 from posecast_edge.model.meshes.mesh import (
@@ -25,9 +26,10 @@ from posecast_edge.model.meshes.mesh import (
 )
 from posecast_edge.model.meshes.obj import read_obj
 from posecast_edge.model.meshes.texture import Pictures
+from posecast_edge.model.text import read_text
 from posecast_edge.model.urdf.resolver import Resolver, read_bounded
 
-NAMES = {".stl": "STL", ".dae": "Collada", ".obj": "OBJ"}  # of formats, in a sentence
+NAMES = {"stl": "STL", "collada": "Collada", "obj": "OBJ"}  # of formats, in a sentence
 
 
 def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: SideFiles | None = None) -> Mesh:
@@ -36,44 +38,36 @@ def read_mesh(path: Path, resolver: Resolver, keep_uv: bool = False, shelf: Side
     `keep_uv`: the URDF has a picture for it, so texture coordinates are needed even if the file has no
     picture. `shelf`: files that the robot's meshes share.
     """
+    data = read_bounded(path, FILE_MAX)
+    refuse_foreign(data, MESH)
+    kind = find_mesh_kind(data)
     try:
-        mesh = validate_mesh(_read(path, resolver, keep_uv, shelf or SideFiles()))
+        mesh = validate_mesh(_read(kind, data, path, resolver, keep_uv, shelf or SideFiles()))
     except MALFORMED:  # what an exception says is no sentence for people
-        name = NAMES.get(path.suffix.lower(), "glTF")
-        raise ModelRefused(f"its {name} is broken; export it again") from None
+        raise ModelRefused(f"its {NAMES.get(kind or '', 'glTF')} is broken; export it again") from None
     return replace(mesh, surfaces=tuple(split_all_by_colour(mesh.surfaces)))
 
 
-def _read(path: Path, resolver: Resolver, keep_uv: bool, shelf: SideFiles) -> Mesh:
-    data = read_bounded(path, FILE_MAX)
-    _refuse_the_obvious(data)
-    suffix, load = path.suffix.lower(), shelf.make_loader(path, resolver)
-    if data[:4] == b"glTF" or suffix == ".gltf":
-        return read_gltf(data, load, shelf.pictures)
-    if suffix == ".stl":
+def _read(
+    kind: str | None, data: bytes, path: Path, resolver: Resolver, keep_uv: bool, shelf: SideFiles
+) -> Mesh:
+    load = shelf.make_loader(path, resolver)
+    if kind is None:
+        if path.suffix.lower() == ".stl" and b"\0" in data[:STL_HEADER]:
+            return read_stl(data)  # it says what is wrong
+        raise ModelRefused("not STL, Collada, OBJ or glTF")
+    if kind == "stl":
         return read_stl(data)
-    if suffix == ".dae":
-        return read_collada(data, load, keep_uv, shelf.pictures)
-    if suffix == ".obj":
-        return read_obj(data, load, keep_uv, shelf.pictures)
-    if suffix == ".glb":
-        raise ModelRefused("not a glTF 2.0 binary")
-    raise ModelRefused(f"{quote_name(suffix)} is not a supported mesh format")
-
-
-def _refuse_the_obvious(data: bytes) -> None:
-    """Refuse files that are not meshes despite their name, as servers and tools leave them."""
-    start = data[:512].lstrip().lower()
-    if not data:
-        raise ModelRefused("the file is empty")
-    if start.startswith((b"<!doctype html", b"<html", b"<head")) or b"<html" in start:
-        raise ModelRefused("an HTML page, not a mesh: a server answered with a page")
-    if start.startswith(b"version https://git-lfs"):
-        raise ModelRefused("a Git LFS pointer, not the mesh: run git lfs pull")
-    if start.startswith(b"pk\x03\x04"):
-        raise ModelRefused("a zip archive, not a mesh")
-    if start.startswith(b"\x1f\x8b"):
-        raise ModelRefused("a gzip file, not a mesh")
+    if kind == "glb":
+        return read_gltf(data, load, shelf.pictures)
+    if len(data) > TEXT_MAX:
+        raise ModelRefused(f"a text mesh over {TEXT_MAX >> 20} MiB")
+    text = read_text(data)
+    if kind == "gltf":
+        mesh = read_gltf(text.utf8, load, shelf.pictures)
+    else:
+        mesh = (read_obj if kind == "obj" else read_collada)(text.utf8, load, keep_uv, shelf.pictures)
+    return replace(mesh, notes=(*((f.code, f.text) for f in text.findings), *mesh.notes))
 
 
 # --- files that meshes refer to: buffers, material libraries, pictures
@@ -151,25 +145,25 @@ class SideFiles:
 
 # --- STL, binary and text; a binary file may begin with "solid", so only the length tells them apart
 
-HEADER = 84
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
 def read_stl(data: bytes) -> Mesh:
     """Read a file. Raises ModelRefused when header and length disagree or the text is not STL."""
-    count = int.from_bytes(data[80:84], "little") if len(data) >= HEADER else 0
-    room = (len(data) - HEADER) // RECORD.itemsize
+    count, room, rest = measure_stl(data)
     notes: list[tuple[str, str]] = []
-    if len(data) >= HEADER and count == room and len(data) == HEADER + count * RECORD.itemsize:
-        return _binary(data, count, notes)
-    if data[:2048].lstrip()[:5].lower() == b"solid" and b"facet" in data[:4096].lower():
+    if rest == 0 and count in (room, 0):
+        if count != room:
+            notes.append(("stl-count", f"its header claims no triangles; the file's {room:,} are shown"))
+        return _binary(data, room, notes)
+    if find_mesh_kind(data) == "stl" and not 0 < count <= room:
         return _text(data)
     if count == 0 or count > room:
         held = f"has room for {max(room, 0):,}"
         raise ModelRefused(f"the STL's header claims {count:,} triangles, the file {held}")
     notes.append(
-        ("stl-tail", f"{len(data) - HEADER - count * RECORD.itemsize} bytes after the last triangle")
+        ("stl-tail", f"{len(data) - STL_HEADER - count * RECORD.itemsize} bytes after the last triangle")
     )
     return _binary(data, count, notes)
 
@@ -177,7 +171,7 @@ def read_stl(data: bytes) -> Mesh:
 def _binary(data: bytes, count: int, notes: list[tuple[str, str]]) -> Mesh:
     if count > TRIANGLES_MAX:
         raise ModelRefused(f"more than {TRIANGLES_MAX:,} triangles")
-    corners = np.frombuffer(data, RECORD, count, HEADER)["corners"].reshape(-1, 3)
+    corners = np.frombuffer(data, RECORD, count, STL_HEADER)["corners"].reshape(-1, 3)
     return Mesh((Surface(corners, _corners(len(corners))),), tuple(notes))
 
 
@@ -185,7 +179,7 @@ def _text(data: bytes) -> Mesh:
     if len(data) > TEXT_MAX:
         raise ModelRefused(f"a text STL over {TEXT_MAX >> 20} MiB")
     try:
-        words = (float(word) for match in VERTEX.finditer(data) for word in match.groups())
+        words = (float(word) for match in VERTEX.finditer(read_text(data).utf8) for word in match.groups())
         with np.errstate(over="ignore"):  # overflows to infinity, which is refused later
             numbers = np.fromiter(words, np.float64).astype("<f4")
     except ValueError:

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from posecast_edge.model.finding import ModelRefused
-from posecast_edge.model.urdf.resolver import Resolver, read_bounded, resolve_links
+from posecast_edge.model.text import read_text
+from posecast_edge.model.urdf.resolver import MISSING, Resolver, read_bounded, resolve_links
 
 XML_MAX = 32 << 20  # bytes of one file
 NAMES_MAX = 4000  # files that are looked for
@@ -103,7 +104,7 @@ class _Collector:
 
     def _find(self, name: str, suffixes: Sequence[str]) -> Iterator[tuple[Path, bytes]]:
         """Wherever it may be meant: its folder and its content."""
-        reason, found = "no such file", False
+        reason, found = MISSING, False
         for wanted in dict.fromkeys((name, PurePosixPath(name).name)):
             for base in list(self._bases):
                 path = os.path.normpath(os.path.join(base, wanted))
@@ -114,7 +115,7 @@ class _Collector:
                     real = self._resolver.find_at(Path(path), suffixes)
                     content = self._read(real, XML_MAX if suffixes is PARTS else BYTES_MAX)
                 except ModelRefused as e:
-                    reason = e.reason if reason == "no such file" else reason
+                    reason = e.reason if reason == MISSING else reason
                     continue
                 found = True
                 self._files.contents[path] = content
@@ -127,7 +128,7 @@ class _Collector:
         content = read_bounded(path, min(most, self._left))
         self._left -= len(content)
         self._files.inputs[resolve_links(path)] = None
-        return content
+        return read_text(content).utf8 if most == XML_MAX else content
 
 
 def _is_part(name: str) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from posecast_edge.model.finding import ModelRefused, quote_name
+from posecast_edge.model.finding import Finding, ModelRefused, quote_name
 from posecast_edge.model.sdf.shapes import DIMENSIONS, MOMENTS, join_uri
 from posecast_edge.model.sdf.values import NEWEST, SdfValues, get_text, get_version
 from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
@@ -71,7 +71,7 @@ class IncludeReader:
 
     def read_main(self, content: bytes, path: Path) -> list[ModelElement]:
         """The models of the file that was asked for. Raises ModelRefused when it is no SDF."""
-        return list(self._list_models(self._parse(content), "", (path,)))
+        return list(self._list_models(self._parse(content, self._values.findings), "", (path,)))
 
     def list_nested(self, model: ModelElement) -> Iterator[ModelElement]:
         """The models inside of a model, in the file's order."""
@@ -140,7 +140,7 @@ class IncludeReader:
             root = make_sdf(urdf)
         return root, path
 
-    def _parse(self, content: bytes) -> Element:
+    def _parse(self, content: bytes, findings: list[Finding] | None = None) -> Element:
         if len(content) > self._bytes:
             raise ModelRefused(f"larger than {BYTES_MAX >> 20} MiB, including its includes")
         root = read_xml(
@@ -149,6 +149,7 @@ class IncludeReader:
             elements_max=self._elements,
             depth_max=DEPTH_MAX,
             texts=True,
+            findings=findings,
         )
         self._bytes -= len(content)
         self._elements -= _count(root)

@@ -14,7 +14,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from urllib.parse import unquote, urlsplit
 
 from posecast_edge.model.doctor.meshes import find_lost_files
 from posecast_edge.model.doctor.skeleton import examine_model
@@ -160,7 +159,7 @@ def find_sliding(urdf: Urdf) -> frozenset[str]:
 def _found(resolver: Resolver, uri: str, taken: Counter[str]) -> BundleFile | None:
     try:
         path = resolver.find_file(uri).path
-        return _file(path, _free_path(uri, taken), uri) if path.suffix.lower() in TYPES else None
+        return _file(path, _free_path(path.name, taken), uri) if path.suffix.lower() in TYPES else None
     except (ModelRefused, OSError):
         return None
 
@@ -243,10 +242,8 @@ def _type(path: str) -> str:
     return TYPES.get(PurePosixPath(path).suffix.lower(), "application/xml")
 
 
-def _free_path(uri: str, taken: Counter[str]) -> str:
+def _free_path(last: str, taken: Counter[str]) -> str:
     """A unique path inside the bundle that still reads like the file's name. `taken`: how often a name is."""
-    parts = [p for p in PurePosixPath(unquote(urlsplit(uri).path)).parts if p not in ("/", "..", ".")]
-    last = parts[-1] if parts else uri  # of which all stands behind a # or ?
     name = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "_" for c in last)
     taken[name] += 1
     return f"meshes/{name}" if taken[name] == 1 else f"meshes/{taken[name]}/{name}"

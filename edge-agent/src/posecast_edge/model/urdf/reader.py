@@ -11,6 +11,7 @@ from typing import BinaryIO
 
 from posecast_edge.model.finding import Finding, ModelRefused, distrust_masses, make_printable, quote_name
 from posecast_edge.model.kinematics import rpy_from_quaternion
+from posecast_edge.model.text import read_robot_text
 from posecast_edge.model.urdf.resolver import open_file
 from posecast_edge.model.urdf.types import (
     JOINT_TYPES,
@@ -31,7 +32,7 @@ from posecast_edge.model.urdf.types import (
     Urdf,
     Vector,
 )
-from posecast_edge.model.urdf.xml_tree import Element, read_xml
+from posecast_edge.model.urdf.xml_tree import Element, parse_xml, read_at_most
 
 BYTES_MAX = 8 << 20
 ELEMENTS_MAX = 50_000
@@ -65,7 +66,9 @@ ROOTS_OF_OTHERS = {
     "html": "this is an HTML page, not URDF",
     "COLLADA": "this is a Collada mesh, not URDF",
     "package": "this is a ROS package.xml, not URDF",
+    "launch": "this is a ROS launch file, not URDF: give the URDF or xacro that it loads",
 }
+SRDF_TAGS = {"group", "group_state", "end_effector", "virtual_joint", "disable_collisions", "passive_joint"}
 
 
 def load_urdf(path: Path) -> Urdf:
@@ -79,12 +82,18 @@ def load_urdf(path: Path) -> Urdf:
 
 def read_urdf(source: BinaryIO) -> Urdf:
     """Read a stream. Raises ModelRefused when it is not a URDF at all."""
-    root = read_xml(source, bytes_max=BYTES_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True)
+    text = read_robot_text(read_at_most(source, BYTES_MAX))
+    root = parse_xml(text, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX, texts=True)
     if root.tag != "robot":
         other = f"the root element is <{make_printable(root.tag[:40])}>, not <robot>"
         reason = ROOTS_OF_OTHERS.get(root.tag, other)
         raise ModelRefused(reason, root.line)
-    return _Reader(root).urdf
+    tags = {child.tag for child in root.children}
+    if tags & SRDF_TAGS and not tags & {"link", "joint"}:
+        raise ModelRefused("this is an SRDF, MoveIt's file beside a URDF: give the URDF", root.line)
+    urdf = _Reader(root).urdf
+    urdf.findings[:0] = text.findings
+    return urdf
 
 
 def show_collisions(urdf: Urdf, line: int) -> None:

@@ -14,11 +14,12 @@ import os
 import pwd
 import re
 import stat
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
-from urllib.parse import unquote, urlsplit
+from urllib.parse import unquote
 
 from posecast_edge.model.finding import ModelRefused, make_printable, quote_name
 from posecast_edge.model.urdf.xml_tree import Element, read_xml
@@ -57,7 +58,11 @@ SHARED = (
     "lies in a folder for files of every kind (the home folder, Downloads, /tmp, a disk), as the robot's "
     f"file does; move the robot to a folder of its own, or {ADVICE}"
 )
-REFUSALS = frozenset((OUTSIDE, HIDDEN, SHARED))
+MISSING = "no such file"
+SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(.*)", re.DOTALL)  # one letter is a disk, as in C:/…
+DISK = re.compile(r"/*[A-Za-z]:/")
+SHOWN_PARTS = 3  # of a path outside
+SHOWN_MAX = 120  # characters of a path in a message
 NOWHERE = f"with a package.xml or model.config near the robot's file; {ADVICE}"
 
 
@@ -137,17 +142,27 @@ class Resolver:
         self._packages: dict[Path, None] = {}  # that were asked for by name, wherever links led
         self._named: dict[str, list[Path]] | None = None
         self._spellings: dict[Path, dict[str, str]] = {}  # of folders looked into
+        self._linked: dict[Path, Path] = {}  # files in other folders, by which the model has a link to them
+        self._files: dict[str, list[tuple[tuple[str, ...], Path]]] | None = None  # the model's own, by name
         self.asked: dict[tuple[str, str], Path | None] = {}  # (URI, "") or (mesh, name): what was found
 
     def check(self, path: Path) -> Path:
         """The real path of an absolute path, which may be read if there is something. Raises ModelRefused,
-        which says why, when it does not belong to the model. Every file of every format passes here."""
+        which says why, when it does not belong to the model. Every file of every format passes here.
+
+        A link may lead out of the model's folders to the same file of the same package, as `colcon build
+        --symlink-install` makes them."""
         plain = Path(os.path.normpath(path))
         roots = [*self.roots, *self._packages]
         if not _is_inside(plain, roots):
             roots += self._list_packages_around(plain)
         self._require_inside(plain, roots)  # what is outside is not even looked for
         real = resolve_links(path)
+        if not _is_inside(real, roots):
+            if not self._is_installed(plain, real, roots):
+                raise ModelRefused(f"is a link to {self._show(real)}, which {OUTSIDE}")
+            self._linked[real] = plain
+            roots = [real]
         self._require_inside(real, roots)
         return real
 
@@ -187,7 +202,10 @@ class Resolver:
             raise ModelRefused(f"{make_printable(scheme[:20])}: files are not downloaded")
         if os.path.isdir(folder := self.check(path)):
             path = folder / _configured(self.check(folder / "model.config"))
-        return self._inside(path, DESCRIPTIONS).path
+        found = self._look(path, DESCRIPTIONS)
+        if isinstance(found, ModelRefused):
+            raise found
+        return found.path
 
     def find_beside(self, mesh: Path, name: str) -> Path:
         """A texture or material library that a mesh names, relative to the mesh. Raises ModelRefused."""
@@ -198,48 +216,129 @@ class Resolver:
     def find_at(self, path: Path, suffixes: Sequence[str]) -> Path:
         """The real path of a file at an absolute path, for a format that names its files by paths. Raises
         ModelRefused, which says why there is none."""
-        return self._inside(Path(os.path.normpath(path)), suffixes).path
+        found = self._look(Path(os.path.normpath(path)), suffixes)
+        if isinstance(found, ModelRefused):
+            raise found
+        return found.path
 
     def _find(self, uri: str) -> Resolved:
-        if "\0" in uri or len(uri) > URI_MAX:
+        """As the page does (spa/src/urdf/file_finder.ts): by the name as written, then unquoted, each also in
+        other letters, then by the end of its path."""
+        if "\0" in unquote(uri) or len(uri) > URI_MAX or uri.replace("\\", "/").count("/") > PARTS_MAX:
             raise ModelRefused("not a file name")
-        windows = "\\" in uri
-        uri = uri.replace("\\", "/")
-        try:
-            parts = urlsplit(uri)
-        except ValueError:
-            raise ModelRefused("not a file name") from None
-        if uri.count("/") > PARTS_MAX:
-            raise ModelRefused("not a file name")
-        scheme = parts.scheme if len(parts.scheme) > 1 else ""  # C:/… is a path
-        path = unquote(parts.path)
-        if scheme in ("package", "model"):
-            found = self._in_package(unquote(parts.netloc), path.strip("/"))
-        elif scheme in ("file", ""):
-            local = Path(path) if scheme else self._folder / unquote(uri)
-            seen = self._look(local, MESHES + BESIDE)
-            for folder in () if scheme else self._given:  # a name may also start from one of these
-                if isinstance(seen, ModelRefused):
-                    other = self._look(folder / unquote(uri), MESHES + BESIDE)
-                    seen = other if isinstance(other, Resolved) else seen
-            if isinstance(seen, ModelRefused):
-                raise seen
-            found = seen
-        else:
+        scheme, name = _split_scheme(uri)
+        if scheme not in ("", "file", "package", "model"):
             raise ModelRefused(f"{scheme}: files are not downloaded")
-        if windows and found.hint is None:
+        names = list_spellings(name)
+        found = self._first((p for n in names for p in self._list_places(scheme, n)), names, MESHES + BESIDE)
+        if isinstance(found, ModelRefused):
+            raise found
+        if "\\" in uri and found.hint is None:
             return Resolved(found.path, "written with backslashes")
         return found
 
+    def _list_places(self, scheme: str, name: str) -> Iterator[Path | ModelRefused]:
+        """Where a file of that name may be, the likeliest first, or why it can't be anywhere."""
+        if scheme in ("package", "model"):
+            package, _, inside = name.lstrip("/").partition("/")
+            if package in ("", ".", "..") or not inside.strip("/"):
+                yield ModelRefused("not a file name in a package")
+                return
+            folders = list(self._folders_of(package))
+            yield from (folder / inside.strip("/") for folder in folders)
+            if not folders:
+                yield ModelRefused(f"no package {quote_name(package)} {NOWHERE}")
+            return
+        if scheme:
+            # file:///a and file:/a are absolute; people also write file://a
+            name = name.removeprefix("//localhost") if name.startswith("//localhost/") else name
+            name = name[2:] if name.startswith("//") else name
+        if not DISK.match(name):
+            yield from (folder / name for folder in (self._folder, *self._given))
+
     def _beside(self, mesh: Path, name: str) -> Path:
-        name = unquote(name.replace("\\", "/").removeprefix("file://"))
-        if "\0" in name or not name or "://" in name:
+        scheme, name = _split_scheme(name)
+        if "\0" in unquote(name) or not name or scheme not in ("", "file") or "://" in name:
             raise ModelRefused("not a file name")
-        try:
-            return self._inside(mesh.parent / name, BESIDE).path
-        except ModelRefused:
-            # exporters leave the path of the artist's disk
-            return self._inside(mesh.parent / PurePosixPath(name).name, BESIDE).path
+        names = list_spellings(name.lstrip("/") if scheme else name)
+        folder = self._linked.get(mesh, mesh).parent
+        for found in (self._look(folder / n, BESIDE) for n in names):
+            if isinstance(found, Resolved):
+                return found.path
+        # exporters leave the path of the artist's disk
+        found = self._first((folder / PurePosixPath(n).name for n in names), names, BESIDE)
+        if isinstance(found, ModelRefused):
+            raise found
+        return found.path
+
+    def _first(
+        self, places: Iterable[Path | ModelRefused], names: Sequence[str], suffixes: Sequence[str]
+    ) -> Resolved | ModelRefused:
+        """The first of these files that there is, else the model's own whose path ends most alike. The answer
+        to a name that leads nowhere says where was looked."""
+        refused: ModelRefused | None = None
+        looked: dict[str, None] = {}
+        for place in places:
+            found = place if isinstance(place, ModelRefused) else self._look(place, suffixes)
+            if isinstance(found, Resolved):
+                return found
+            if found.reason != MISSING:
+                refused = refused or found
+            elif not isinstance(place, ModelRefused) and len(looked) < 2:
+                looked[self._show(Path(os.path.normpath(place)))] = None
+        for name in names:
+            if (end := self._find_by_end(name, suffixes)) is not None:
+                found = self._look(end, suffixes)
+                if isinstance(found, Resolved):
+                    hint = f"not where it says; {self._show(end)} is taken from the model's own folder"
+                    return Resolved(found.path, hint)
+        last = PurePosixPath(names[-1]).name
+        where = " and ".join([*looked, f"any {quote_name(last)} in the robot's folder"])
+        return refused or ModelRefused(f"{MISSING}; looked for {where}")
+
+    def _find_by_end(self, name: str, suffixes: Sequence[str]) -> Path | None:
+        """The model's own file whose path ends like this name with the most parts. One part is enough only
+        beside the model's file and in its package's folder: a name like link.stl may be anywhere."""
+        parts = tuple(
+            fold_name(part) for part in DISK.sub("", name).split("/") if part not in ("", ".", "..")
+        )
+        if self._files is None:
+            self._files = self._list_files()
+        tops = (self._folder, *self._own[:1])
+        found = [
+            (-end, len(own), own, path)
+            for own, path in self._files.get(parts[-1] if parts else "", ())
+            if path.suffix.lower() in suffixes
+            and ((end := count_common_end(own, parts)) > 1 or path.parent in tops)
+        ]
+        return min(found)[3] if found else None
+
+    def _list_files(self) -> dict[str, list[tuple[tuple[str, ...], Path]]]:
+        """The files in the model's own folders by their folded names, with the parts of their paths."""
+        files: dict[str, list[tuple[tuple[str, ...], Path]]] = {}
+        left = ENTRIES_MAX
+        for root in self._own:
+            for folder, subfolders, names in os.walk(root):
+                subfolders[:] = sorted(name for name in subfolders if not name.startswith("."))
+                left -= len(names)
+                if left < 0:
+                    return files
+                for name in sorted(names):
+                    path = Path(folder, name)
+                    if not name.startswith(".") and path.suffix.lower() in MESHES + BESIDE:
+                        parts = tuple(map(fold_name, path.relative_to(root.parent).parts))
+                        files.setdefault(parts[-1], []).append((parts, path))
+        return files
+
+    def _show(self, path: Path) -> str:
+        """A path for a message that viewers may read: from the package's folder on, or from the model's; of a
+        path elsewhere only the end, because its beginning tells of this machine."""
+        root = self._own[0] if self._own else self._folder
+        is_package = any((root / marker).is_file() for marker in MARKERS)
+        base = root.parent if is_package else root
+        inside = path.is_relative_to(base) and base != base.parent
+        shown = str(path.relative_to(base)) if inside else "/".join(["…", *path.parts[-SHOWN_PARTS:]])
+        return quote_name(shown if len(shown) <= SHOWN_MAX else f"…{shown[-SHOWN_MAX:]}", SHOWN_MAX + 1)
 
     # ---- what belongs to the model ----
 
@@ -281,6 +380,18 @@ class Resolver:
         if self._is_hidden(at):
             raise ModelRefused(HIDDEN)
 
+    def _is_installed(self, plain: Path, real: Path, roots: Sequence[Path]) -> bool:
+        """Whether a link leads to the same file of the same package: to the same place below a folder whose
+        package.xml has the same name."""
+        for n in range(1, len(plain.parts)):
+            package, end = plain.parents[n - 1], plain.parts[-n:]
+            if not _is_inside(package, roots) or not _is_inside(resolve_links(package), roots):
+                return False
+            if real.parts[-n:] == end and (name := _package_name(package / "package.xml")):
+                source = real.parents[n - 1]
+                return not self._is_shared(source) and _package_name(source / "package.xml") == name
+        return False
+
     def _is_hidden(self, at: Path) -> bool:
         """Whether a name on the path begins with a dot, but for those in which the user has the model itself
         or gives a folder."""
@@ -291,27 +402,6 @@ class Resolver:
         )
 
     # ---- packages ----
-
-    def _in_package(self, package: str, rest: str) -> Resolved:
-        if not package:  # package:///name/rest
-            package, _, rest = rest.partition("/")
-        if package in ("", ".", "..") or "/" in package or not rest:
-            raise ModelRefused("not a file name in a package")
-        refused: ModelRefused | None = None
-        for folder in self._folders_of(package):
-            found = self._look(folder / rest, MESHES + BESIDE)
-            if isinstance(found, Resolved):
-                return found
-            refused = refused or found
-        # A package whose folder was renamed or taken apart: the tail of the path in the model's own folders.
-        names = PurePosixPath(rest).parts
-        for start in (*self._own[:1], self._folder.parent):
-            for i in range(len(names)):
-                found = self._look(start.joinpath(*names[i:]), MESHES + BESIDE)
-                if isinstance(found, Resolved):
-                    hint = f"package {quote_name(package)} not found; taken from the model's own folder"
-                    return Resolved(found.path, hint)
-        raise refused or ModelRefused(f"no package {quote_name(package)} {NOWHERE}")
 
     def _folders_of(self, package: str) -> Iterator[Path]:
         """Folders of that package, the likeliest first."""
@@ -359,37 +449,35 @@ class Resolver:
 
     # ---- files ----
 
-    def _inside(self, path: Path, suffixes: Sequence[str]) -> Resolved:
-        found = self._look(path, suffixes)
-        if isinstance(found, ModelRefused):
-            raise found
-        return found
-
     def _look(self, path: Path, suffixes: Sequence[str]) -> Resolved | ModelRefused:
         try:
             found = self._find_real(path)
         except ModelRefused as e:
             return e
         except (OSError, ValueError):  # a name too long
-            return ModelRefused("no such file")
+            return ModelRefused(MISSING)
         if found.path.suffix.lower() not in suffixes:
             return ModelRefused(f"{quote_name(found.path.suffix)} is not a supported mesh or picture format")
         return found
 
     def _find_real(self, path: Path) -> Resolved:
-        real, hint = self.check(path), None
+        real = self.check(path)
+        hint: str | None = None
         if not path.exists():
-            other = self._in_other_letters(Path(os.path.normpath(path)))
+            path = Path(os.path.normpath(path))
+            other = self._in_other_letters(path)
             if other is None:
-                raise ModelRefused("no such file")
-            hint = f"the file is called {quote_name(other.name)}, in other upper and lower case"
+                raise ModelRefused(MISSING)
+            if unicodedata.normalize("NFC", str(other)) != unicodedata.normalize("NFC", str(path)):
+                hint = f"the file is called {quote_name(other.name)}, in other upper and lower case"
             real = self.check(other)
         if not real.is_file():
             raise ModelRefused("is not a file")
         return Resolved(real, hint)
 
     def _in_other_letters(self, path: Path) -> Path | None:
-        """The same path in other upper and lower case, for what was made on Windows."""
+        """The same path in other upper and lower case, for what was made on Windows, or with letters written
+        in another way, for what comes from a Mac."""
         at = Path(path.anchor)
         for name in path.parts[1:]:
             if (at / name).exists() or name == "..":
@@ -397,11 +485,37 @@ class Resolver:
                 continue
             if at not in self._spellings:
                 self._spellings[at] = _spellings(at)
-            spelling = self._spellings[at].get(name.casefold())
+            spelling = self._spellings[at].get(fold_name(name))
             if spelling is None:
                 return None
             at /= spelling
         return at
+
+
+def list_spellings(name: str) -> list[str]:
+    """The names that may be meant: as written, unquoted (%20), and without the query or fragment of a URI."""
+    plain = name.replace("\\", "/")
+    return list(
+        dict.fromkeys([plain, unquote(plain), unquote(re.split("[?#]", plain, maxsplit=1)[0]) or plain])
+    )
+
+
+def fold_name(name: str) -> str:
+    """A name for comparison: in lower case, and with each accented letter as one character."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).upper().lower())
+
+
+def count_common_end(a: Sequence[str], b: Sequence[str]) -> int:
+    """How many parts of two paths agree, from their ends."""
+    return next(
+        (n for n, (x, y) in enumerate(zip(a[::-1], b[::-1], strict=False)) if x != y), min(len(a), len(b))
+    )
+
+
+def _split_scheme(uri: str) -> tuple[str, str]:
+    """The scheme in lower case, "" without one, and what follows its colon."""
+    found = SCHEME.fullmatch(uri)
+    return (found[1].lower(), found[2]) if found else ("", uri)
 
 
 def _is_inside(path: Path, folders: Iterable[Path]) -> bool:
@@ -441,10 +555,10 @@ def _configured(file: Path) -> str:
 
 
 def _spellings(folder: Path) -> dict[str, str]:
-    """Names in a folder, by their spelling in lower case; of several the first in the alphabet."""
+    """Names in a folder, by their folded spelling; of several the first in the alphabet."""
     try:
         with os.scandir(folder) as entries:
             few = [e.name for _, e in zip(range(ENTRIES_MAX), entries, strict=False)]
     except OSError:
         return {}
-    return {name.casefold(): name for name in sorted(few, reverse=True)}
+    return {fold_name(name): name for name in sorted(few, reverse=True)}

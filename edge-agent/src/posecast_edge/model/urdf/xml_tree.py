@@ -11,15 +11,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import BinaryIO
 from xml.parsers import expat
 
-from posecast_edge.model.finding import ModelRefused
+from posecast_edge.model.finding import Finding, ModelRefused
+from posecast_edge.model.text import Text, read_text
 
 CHUNK = 1 << 20
 PREFIXES_MAX = 1000  # of namespaces, as in the page: a browser searches all of them for each element
 TOKEN_MAX = 2 << 20  # bytes of one tag with its attributes: expat parses it again with every chunk
 
-BLANKS = re.compile(rb"\s+")
 PREFIX = re.compile(r"([\w.-]+):[\w.-]+", re.ASCII)
-DECLARATION_MAX = 200  # bytes
 
 NO_ATTRIBUTES: Mapping[str, str] = {}
 
@@ -78,13 +77,36 @@ class Element:
 
 
 def read_xml(
-    source: BinaryIO, *, bytes_max: int, elements_max: int, depth_max: int, texts: bool = False
+    source: BinaryIO,
+    *,
+    bytes_max: int,
+    elements_max: int,
+    depth_max: int,
+    texts: bool = False,
+    findings: list[Finding] | None = None,
 ) -> Element:
     """Read a whole tree. Raises ModelRefused, which says what is wrong and on which line.
 
-    `texts`: keep character data too (bounded by `bytes_max`).
+    `texts`: keep character data too (bounded by `bytes_max`); `findings`: gets what is
+    odd about the encoding.
     """
-    parser = expat.ParserCreate()
+    text = read_text(read_at_most(source, bytes_max))
+    if findings is not None:
+        findings += text.findings
+    return parse_xml(text, elements_max=elements_max, depth_max=depth_max, texts=texts)
+
+
+def read_at_most(source: BinaryIO, bytes_max: int) -> bytes:
+    """Read a stream. Raises ModelRefused when it is larger."""
+    data = source.read(bytes_max + 1)
+    if len(data) > bytes_max:
+        raise ModelRefused(f"larger than {bytes_max / (1 << 20):g} MiB")
+    return data
+
+
+def parse_xml(text: Text, *, elements_max: int, depth_max: int, texts: bool = False) -> Element:
+    """The tree of a decoded text. Raises ModelRefused, which says what is wrong and on which line."""
+    parser = expat.ParserCreate("utf-8")
     parser.buffer_text = True
     stack: list[Element] = []
     pieces: list[list[str]] = []
@@ -125,12 +147,10 @@ def read_xml(
     parser.EntityDeclHandler = doctype
     if texts:
         parser.CharacterDataHandler = characters
-    size = 0
     try:
-        for chunk in _chunks(source, bytes_max):
-            size += len(chunk)
-            parser.Parse(chunk, False)
-            if size - parser.CurrentByteIndex > TOKEN_MAX:
+        for to in range(CHUNK, len(text.utf8) + CHUNK, CHUNK):
+            parser.Parse(text.utf8[to - CHUNK : to], False)
+            if min(to, len(text.utf8)) - parser.CurrentByteIndex > TOKEN_MAX:
                 raise ModelRefused(f"a tag larger than {TOKEN_MAX >> 20} MiB", parser.CurrentLineNumber)
         parser.Parse(b"", True)
     except expat.ExpatError as e:
@@ -139,24 +159,22 @@ def read_xml(
         ):  # it is whole; what follows its end is rubbish that other readers pass over too
             return root[0]
         raise ModelRefused(f"not XML: {expat.ErrorString(e.code)}", e.lineno) from None
-    except (LookupError, UnicodeError, ValueError) as e:  # an encoding nobody knows
-        raise ModelRefused(f"not XML: {e}", parser.CurrentLineNumber) from None
     return root[0]
 
 
-def read_root_tag(source: BinaryIO) -> str | None:
-    """The root element's tag, from the beginning of a file; None where there is none."""
-    parser = expat.ParserCreate()
+def read_root_tag(text: Text) -> str | None:
+    """The root element's tag; None where there is none."""
+    parser = expat.ParserCreate("utf-8")
 
     def start(tag: str, _attributes: dict[str, str]) -> None:
         raise _RootReached(tag)
 
     parser.StartElementHandler = start
     try:
-        parser.Parse(_without_late_declaration(source.read(CHUNK)), False)
+        parser.Parse(text.utf8[:CHUNK], False)
     except _RootReached as e:
         return e.tag
-    except (expat.ExpatError, LookupError, UnicodeError, ValueError):
+    except expat.ExpatError:
         return None  # its reader reports the problem
     return None
 
@@ -166,36 +184,3 @@ def _prefixes(tag: str, attributes: Mapping[str, str]) -> Iterator[str]:
     for name in (tag, *attributes):
         if ":" in name and (match := PREFIX.match(name)):
             yield match[1]
-
-
-def _chunks(source: BinaryIO, bytes_max: int) -> Iterator[bytes]:
-    """The whole source, at most that much of it."""
-    left = bytes_max
-    while chunk := source.read(CHUNK):
-        first, left = left == bytes_max, left - len(chunk)
-        if left < 0:
-            raise ModelRefused(f"larger than {bytes_max / (1 << 20):g} MiB")
-        yield _without_late_declaration(chunk) if first else chunk
-
-
-def _without_late_declaration(start: bytes) -> bytes:
-    """Blanks out an XML declaration that does not stand at the very beginning, as ROS's reader lets it."""
-    at = _behind_comments(start)
-    end = start.find(b"?>", at, at + DECLARATION_MAX)
-    if at == 0 or end < 0 or not start.startswith(b"<?xml", at):
-        return start
-    return re.sub(rb"[^\n]", b" ", start[: end + 2]) + start[end + 2 :]
-
-
-def _behind_comments(start: bytes) -> int:
-    """Where something else begins than blanks and comments."""
-    at = 0
-    while True:
-        blanks = BLANKS.match(start, at)
-        at = at if blanks is None else blanks.end()
-        if not start.startswith(b"<!--", at):
-            return at
-        end = start.find(b"-->", at + 4)
-        if end < 0:
-            return at
-        at = end + 3

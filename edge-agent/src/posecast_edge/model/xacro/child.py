@@ -21,9 +21,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import CodeType
 from typing import Any
+from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
 from posecast_edge.model.finding import ModelRefused, quote_name
+from posecast_edge.model.text import read_text
 from posecast_edge.model.urdf.resolver import Resolver, resolve_links
 
 ATTRIBUTE = "_posecast_attribute"  # a name that no expression may use itself
@@ -204,6 +206,19 @@ class XacroRun:
             path = str(self._locate(name)) if "://" in name else keep(name)
             return path if GLOB.search(path) else self._look_beside(path, xacro.filestack[-1])
 
+        def parse(source: Any, filename: str | None = None) -> Any:
+            """The tree of a file, in whatever encoding it is."""
+            if source is not None or filename is None:
+                return keep_parse(source, filename)
+            try:
+                with open(filename, "rb") as file:
+                    content = file.read()
+            except OSError as e:
+                xacro.filestack.pop()  # as xacro does: what can't be opened is not where the mistake is
+                raise xacro.XacroException(f"{e.strerror}: {e.filename}", exc=e) from None
+            return minidom.parseString(read_text(content).utf8)
+
+        keep_parse, xacro.parse = xacro.parse, parse
         keep: Callable[[str], str] = xacro.abs_filename_spec
         xacro.abs_filename_spec = spell
         xacro.safe_eval = evaluate
@@ -289,7 +304,8 @@ class XacroRun:
             return  # imported late
         if real != self._path:
             try:
-                real = self._resolver.check(given)
+                with self._search():  # it may look at the package that a link leads to
+                    real = self._resolver.check(given)
             except ModelRefused as e:
                 raise PermissionError(1, e.reason, str(given)) from None
         if event == "open":

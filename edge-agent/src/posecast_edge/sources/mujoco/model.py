@@ -31,10 +31,11 @@ from posecast_edge.model.mjcf.bodies import (
 from posecast_edge.model.mjcf.child import open_no_file
 from posecast_edge.model.mjcf.compiler import explain_failure, make_spec, name_joints
 from posecast_edge.model.mjcf.files import ModelFiles, collect_files
-from posecast_edge.model.urdf.reader import BYTES_MAX, DEPTH_MAX, ELEMENTS_MAX, read_urdf
+from posecast_edge.model.text import read_robot_text
+from posecast_edge.model.urdf.reader import DEPTH_MAX, ELEMENTS_MAX, read_urdf
 from posecast_edge.model.urdf.resolver import list_package_folders, read_bounded
 from posecast_edge.model.urdf.types import Urdf
-from posecast_edge.model.urdf.xml_tree import Element, read_xml
+from posecast_edge.model.urdf.xml_tree import Element, parse_xml
 from posecast_edge.sample import Reading, Sample, SourceError
 
 log = logging.getLogger("posecast_edge.mujoco")
@@ -127,7 +128,7 @@ def _simulate(spec: Any, vfs: Any, path: Path) -> Simulation:
 
 def strip_visuals(urdf: bytes) -> str:
     """The URDF reduced to masses and joints. Raises ModelRefused."""
-    root = read_xml(io.BytesIO(urdf), bytes_max=BYTES_MAX, elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX)
+    root = parse_xml(read_robot_text(urdf), elements_max=ELEMENTS_MAX, depth_max=DEPTH_MAX)
 
     def text(element: Element) -> Iterator[str]:
         attributes = "".join(f" {name}={quoteattr(value)}" for name, value in element.attributes.items())
