@@ -74,6 +74,7 @@ export const moreEn = {
   explainDelayed: (span: string) => `Whoever runs this robot shows it ${span} late.`,
   explainSlow:
     'Poses arrive, but may be 1.5 s old or older by then. The network is slow, or something between you and the relay holds them back.',
+  explainBusy: 'This browser is too busy to show each pose in time. Close other tabs or programs.',
   explainDegraded: 'The relay answers, but it cannot show what the robot does now.',
   explainOverShare: 'The robot sends more than its share, so the relay drops some of its frames.',
   explainLost: 'The connection to the relay is lost. You see the last pose that arrived.',
