@@ -108,7 +108,7 @@ export const moreEn = {
     'This browser has no 3D, and this device is slow. Showing the light view at lower resolution.',
   viewChosen: 'The light view.',
   viewSlow: 'This device is too slow for 3D. Showing the light view.',
-  viewGivenUp: '3D keeps failing in this browser. Showing the light view.',
+  viewGivenUp: 'This browser keeps stopping 3D, or shows 3D in too many places. Showing the light view.',
   noReadingOf: (joints: readonly string[], more: number) =>
     `No reading of ${joints.join(', ')}${more > 0 ? ` and ${more} more` : ''}: shown in ${
       joints.length === 1 ? 'its last known position' : 'their last known positions'

@@ -47,7 +47,7 @@ export const moreKo: More = {
   viewLightPixels: '이 브라우저에는 3D가 없고 기기가 느립니다. 해상도를 낮춘 간단한 화면으로 보여 줍니다.',
   viewChosen: '간단한 화면입니다.',
   viewSlow: '이 기기로는 3D가 느려서 간단한 화면으로 보여 줍니다.',
-  viewGivenUp: '이 브라우저에서 3D가 자꾸 멈춥니다. 간단한 화면으로 보여 줍니다.',
+  viewGivenUp: '이 브라우저가 3D를 자꾸 중단하거나 3D 화면이 너무 많습니다. 간단한 화면으로 보여 줍니다.',
   noReadingOf: (joints, more) =>
     `${joints.join(', ')}${more > 0 ? ` 외 ${more}개` : ''}의 측정값이 없어 마지막으로 알려진 위치에 그렸습니다.`,
   unmoved: (channels, joints) =>

@@ -332,7 +332,8 @@ class SceneCanvas {
     const still = document.createElement('canvas');
     still.width = this.canvas.width;
     still.height = this.canvas.height;
-    still.style.cssText = 'position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none';
+    still.style.cssText =
+      'position: absolute; inset: 0; width: 100%; height: 100%; object-fit: cover; pointer-events: none';
     still.getContext('2d')?.drawImage(this.canvas, 0, 0);
     this.canvas.after(still);
     this.#still = still;
