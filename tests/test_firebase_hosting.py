@@ -69,6 +69,8 @@ def test_the_emulator_serves_the_page_with_its_headers(hosting: str) -> None:
         assert answer.headers["referrer-policy"] == "no-referrer"
         readers = "*" if path == "/config.json" or path.startswith("/assets/") else None
         assert answer.headers.get("access-control-allow-origin") == readers, path
+        isolated = "require-corp" if path.startswith(("/embed/", "/assets/")) else None
+        assert answer.headers.get("cross-origin-embedder-policy") == isolated, path
         if path.startswith("/embed/"):
             assert answer.text == (DIST / "embed/index.html").read_text()
     # what `ignore` names is not sent to Firebase by a deploy; the emulator serves the folder as it lies

@@ -29,6 +29,7 @@ from tests.lane import Link
 
 ROOT = Path(__file__).resolve().parent.parent
 HOSTING = ROOT / "infra/hosting"
+EMBEDDER, RESOURCE = "cross-origin-embedder-policy", "cross-origin-resource-policy"
 DIST = ROOT / "spa/dist"
 POLICY = re.compile(r'http-equiv="Content-Security-Policy"\s+content="([^"]+)"')
 HALL = 40  # people: a 25th of those that the limits are for, and here so are the limits
@@ -148,6 +149,10 @@ def test_nginx_serves_the_page_with_its_headers(site: Callable[..., Site], tmp_p
         assert headers["referrer-policy"] == "no-referrer"
         readers = "*" if path == "/config.json" or path.startswith("/assets/") else None
         assert headers["access-control-allow-origin"] == readers, path
+        isolated = (
+            ("require-corp", "cross-origin") if path.startswith(("/embed/", "/assets/")) else (None, None)
+        )
+        assert (headers[EMBEDDER], headers[RESOURCE]) == isolated, path
         assert headers["strict-transport-security"]
         assert "1." not in (headers["server"] or ""), "its version is nobody's business"
         if path.startswith("/embed/"):

@@ -35,6 +35,7 @@ SAFE = (
     *("x-frame-options", "x-content-type-options", "referrer-policy"),
     *("cross-origin-opener-policy", "permissions-policy"),
 )
+EMBEDDER, RESOURCE = "cross-origin-embedder-policy", "cross-origin-resource-policy"
 OTHERS = "10.9.9."  # addresses that are not this machine's own, which are not counted
 PUBLISHED = "10.9.8.7"  # in SITE, like the host's address, which a container does not have
 PUBLISHED_6 = "fd00::5"
@@ -218,7 +219,10 @@ def test_page_and_routes_over_tls(site: Site) -> None:
     assert headers["cache-control"] == "public, max-age=31536000, immutable"
     for path, readers in ((f"/{asset}", "*"), ("/config.json", "*"), ("/", None), ("/favicon.svg", None)):
         for at in ("", "http://127.0.0.1:8080"):  # the relay too
-            assert site.get(at + path)[1]["access-control-allow-origin"] == readers, at + path
+            headers = site.get(at + path)[1]
+            assert headers["access-control-allow-origin"] == readers, at + path
+            isolated = ("require-corp", "cross-origin") if path == f"/{asset}" else (None, None)
+            assert (headers[EMBEDDER], headers[RESOURCE]) == isolated, at + path
     assert site.get("/.vite/manifest.json")[0] == 404
     status, headers, _ = site.get("/assets/gone.js")
     assert (status, headers.get_all("cache-control")) == (404, ["no-store"])
@@ -228,6 +232,7 @@ def test_page_and_routes_over_tls(site: Site) -> None:
         policies = headers.get_all("content-security-policy") or []
         assert (status, [each.split("; ")[-1] for each in policies]) == (200, ["frame-ancestors *"])
         assert headers["x-frame-options"] is None
+        assert (headers[EMBEDDER], headers[RESOURCE]) == ("require-corp", "cross-origin"), framed
     for inside in ("/livez", "/readyz", "/metrics"):
         assert site.get(inside)[0] == 404, inside
     # under a robot's name, and where somebody has mistyped one, it is the relay's page

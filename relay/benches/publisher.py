@@ -11,19 +11,18 @@ from __future__ import annotations
 
 import argparse
 import random
-import struct
 import time
 
 from posecast_loadtests.fleet import FleetRobot, open_session
 from posecast_wire import Encoder, Schema, Snapshot, build_schema_text
+from posecast_wire.frame import HEADER, KEY_HEADER, TAG_KEY, TAG_PLAIN, frame_id
 
 from relay.benches.stamps import Stamps
 
 CHANNELS_PER_BYTE = 106 / 200
-DRAWN_BYTES = (
-    1000  # larger frames are one KEY with a new header: Python can't encode so many channels in time
-)
-KEY_HEADER = struct.Struct("<BIId")  # wire format 1: tag, schema id, seq, t s
+# larger frames are one KEY and one plain frame with new headers: Python can't encode so many in time
+DRAWN_BYTES = 1000
+KEY_EVERY_S = 4.0
 REACH = 4000  # codes lie within ±REACH: about 15 bits a channel
 
 
@@ -67,13 +66,21 @@ def main() -> None:
     def draw() -> list[int]:
         return source.choices(range(-REACH, REACH + 1), k=schema.size)
 
-    first = encoder.encode(draw(), 0, 0.0, time.monotonic())
+    first, second = (encoder.encode(draw(), seq, 0.0, time.monotonic()) for seq in (0, 1))
+    base = first, 0, float("-inf")  # the newest KEY of larger frames, its number and time
     uplink.announce()
 
     def make(seq: int, now: float) -> bytes:
         t_s = now - uplink.began_ns * 1e-9
         if asked.bytes > DRAWN_BYTES:
-            return KEY_HEADER.pack(first[0], schema.id, seq, t_s) + first[KEY_HEADER.size :]
+            nonlocal base
+            if t_s - base[2] >= KEY_EVERY_S:
+                key = KEY_HEADER.pack(TAG_KEY, schema.id, seq, t_s) + first[KEY_HEADER.size :]
+                base = key, seq, t_s
+                return key
+            key, key_seq, key_t_s = base
+            header = HEADER.pack(TAG_PLAIN, frame_id(key), seq - key_seq, round(1000 * (t_s - key_t_s)))
+            return header + second[HEADER.size :]
         return encoder.encode(draw(), seq, t_s, now, force_key=seq == 1)
 
     seq, due = 0, time.monotonic()

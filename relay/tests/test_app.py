@@ -308,6 +308,8 @@ def test_a_frames_page_says_which_pages_may_frame_its_robot(relays: Any, page: P
         assert answer.headers["cache-control"] == "no-cache"
         assert answer.headers["x-content-type-options"] == "nosniff"
         assert answer.headers["referrer-policy"] == "no-referrer"
+        assert answer.headers["cross-origin-embedder-policy"] == "require-corp"
+        assert answer.headers["cross-origin-resource-policy"] == "cross-origin"
         own, _, frames = answer.headers["content-security-policy"].partition("; frame-ancestors ")
         assert own == "default-src 'self'"
         assert ("x-frame-options" in answer.headers) is (frames == "'none'"), "an old browser knows no other"

@@ -24,11 +24,12 @@ from posecast_relay.net.encodings import DecodeCache
 from posecast_relay.net.websocket import make_live_protocol, read_short_text
 from posecast_relay.runtime.dispatcher import Dispatcher, MemoryStore
 from posecast_relay.runtime.fan_out import FanOut
+from posecast_relay.runtime.socket_options import SEND_BUFFER_BYTES_MAX, SEND_BUFFER_FRAMES
 from posecast_testing import until
 from posecast_wire import Close
 
 from . import autobahn
-from .sim import schema
+from .sim import Edge, schema
 from .stage import UPGRADE, Relay, Watcher, Wire, request_stream
 
 
@@ -307,6 +308,48 @@ async def test_messages_are_understood_however_the_network_cuts_them() -> None:
             viewer.data_received(stream[at : at + size])
             at += size
         assert re.findall(rb'"pong","t":(\d+)', wire.taken) == [b"%d" % n for n in range(60)]
+    dispatcher.stop()
+
+
+@pytest.mark.parametrize(("channels", "bits"), [(100, 15), (1000, 15), (4000, 15), (4000, 28)])
+async def test_a_viewer_that_pauses_misses_no_frame_however_large_until_it_holds_too_much(
+    channels: int, bits: int
+) -> None:
+    dispatcher = Dispatcher(Hub(Limits()), MemoryStore(), FanOut(None))
+    config, server = SimpleNamespace(), SimpleNamespace(connections=set())
+    live: Any = make_live_protocol(Access(dispatcher), DecodeCache())
+    random, began = Random(1), dispatcher.now()
+    edge = Edge(0xABC, schema([f"J{n}" for n in range(channels)]), began)
+
+    def publish(number: int) -> int:
+        frame = edge.frame(began, random.choices(range(-(1 << bits - 1), 1 << bits - 1), k=channels))
+        at = began + number / 30
+        dispatcher.hub.receive_frame("r", "public", frame, edge.stamp(at), at)
+        dispatcher.flush()
+        return len(frame)
+
+    loop = asyncio.get_running_loop()
+    listener = await loop.create_server(lambda: live(config, server, None), "127.0.0.1", 0)
+    size = publish(0)
+    dispatcher.hub.take_snapshot("r", "public", edge.snapshot(), edge.stamp(began), began)
+    with socket.socket() as far:
+        far.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        far.setblocking(False)
+        await loop.sock_connect(far, listener.sockets[0].getsockname())
+        await loop.sock_sendall(far, request_stream("?hz=60"))
+        viewers = dispatcher.hub.viewers
+        while not viewers or next(iter(viewers)).paused_at is not None:  # it reads what it is given at first
+            with suppress(BlockingIOError):
+                far.recv(1 << 20)
+            await asyncio.sleep(0)
+        viewer = next(iter(viewers))
+        before = viewer.sent
+        for number in range(1, 60):
+            publish(number)
+        held = viewer.sent - before
+        assert held * size <= 4 * SEND_BUFFER_BYTES_MAX
+        assert held >= min(SEND_BUFFER_FRAMES, SEND_BUFFER_BYTES_MAX // size)
+    listener.close()
     dispatcher.stop()
 
 

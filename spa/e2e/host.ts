@@ -18,6 +18,8 @@ export class Host {
   readonly port: number;
   /** Path → text served instead of the file in the folder. */
   readonly instead = new Map<string, string>();
+  /** Sent with every answer. */
+  headers: Readonly<Record<string, string>> = {};
   /** Like many hosts: compresses files for clients that accept it. */
   packs = false;
 
@@ -41,7 +43,7 @@ export class Host {
         const below = path.normalize(file.slice(prefix.length));
         if (!file.startsWith(prefix) || below.startsWith('..')) throw new Error('not here');
         const body = host.instead.get(file) ?? (await readFile(path.join(folder, below)));
-        const head = { 'content-type': type, 'cache-control': 'no-cache' };
+        const head = { 'content-type': type, 'cache-control': 'no-cache', ...host.headers };
         const isPacked = host.packs && /html|javascript|css|json|svg/.test(type);
         if (isPacked) response.writeHead(200, { ...head, 'content-encoding': 'gzip' }).end(gzipSync(body));
         else response.writeHead(200, head).end(body);

@@ -10,7 +10,7 @@ import type { Transport } from './transport.ts';
 
 /**
  * Whether this page can be seen: its tab is in front and, where it is embedded in another page, its frame is scrolled into view.
- * A hidden page requests no poses from the relay.
+ * A hidden page requests no poses from the relay, and gives back what a browser has few of.
  */
 export class PageVisibility {
   #onScreen = true;
@@ -163,9 +163,9 @@ export class StreamClient {
   }
 
   #watch(): void {
-    const visible = this.#watches;
-    this.#tell({ kind: 'visible', visible });
-    this.#twin.acceptWatching(visible, nowMs());
+    const wanted = this.#watches;
+    this.#tell({ kind: 'visible', wanted, seen: this.#seen });
+    this.#twin.acceptWatching(wanted, nowMs());
   }
 
   /** The shown pose is no longer called live, as of `sinceMs`. */
@@ -262,6 +262,9 @@ export class StreamClient {
             ? { problem: null }
             : {}),
         });
+        return;
+      case 'held-up':
+        twin.acceptHoldUp(message.fromMs, message.toMs);
         return;
       case 'behind':
         this.#leavesBehind = message.ms === null && this.link.behindMs !== null;

@@ -59,7 +59,7 @@ type Told = Extract<RelayMessage, { type: 'status' | 'schema' | 'info' | 'event'
 export class FrameReader {
   readonly #post: (message: FromStream) => void;
   readonly #poses = new PoseDecoder();
-  readonly #rate = new RateMeter();
+  readonly #rate: RateMeter;
   #shownSchemaId: number | null = null;
   /** The newest frame that the relay's status named, and when it was new (null if the relay does not know). */
   #told: { seq: number; bornMs: number | null } | null = null;
@@ -68,8 +68,10 @@ export class FrameReader {
   #flows = true;
   #newest: { readonly seq: number; readonly leftMs: number } | null = null;
 
-  constructor(post: (message: FromStream) => void) {
+  /** `askedMs`: when the connection was requested. */
+  constructor(post: (message: FromStream) => void, askedMs: number) {
     this.#post = post;
+    this.#rate = new RateMeter(askedMs);
   }
 
   /** Frames per second over the last two seconds. */
@@ -78,8 +80,9 @@ export class FrameReader {
   }
 
   /** Poses are requested again after a pause: the next one may be as old as the newest status. */
-  resumed(): void {
+  resumed(nowMs: number): void {
     this.#flows = false;
+    this.#rate.restart(nowMs);
   }
 
   /** Takes a relay message. `delay`: its delay in transit. */

@@ -36,6 +36,8 @@ export type FromStream =
   | { kind: 'rate'; hz: number; reason: string | null }
   /** Measured: frames a second, the round trip to the relay, and how late its data is at most (null until known). */
   | { kind: 'pace'; hz: number; roundTripMs: number | null; lateMs: number | null }
+  /** The stream's own thread did not run between these times. */
+  | { kind: 'held-up'; fromMs: number; toMs: number }
   /** The delay of the picture, ms; null: none. */
   | { kind: 'behind'; ms: number | null }
   | { kind: 'problem'; problem: Problem };
@@ -65,7 +67,8 @@ export type ToStream =
   | { kind: 'taken' }
   /** The token has been renewed, replaced or removed. */
   | { kind: 'token'; token: string | undefined }
-  | { kind: 'visible'; visible: boolean }
+  /** `wanted`: somebody looks at the live picture. `seen`: somebody sees the page, be it the past. */
+  | { kind: 'visible'; wanted: boolean; seen: boolean }
   /** The page stopped calling its pose live at `sinceMs`. */
   | { kind: 'doubt'; sinceMs: number }
   /** Something changed outside (back online, back from sleep, the viewer asks): try now. `isAsked`: the viewer asks. */

@@ -66,9 +66,26 @@ const WINDOW_MS = 2000;
 /** Frames that arrive within less than this are a burst, and their rate means nothing. */
 const BURST_MS = 250;
 
-/** Measures the frame rate over the last two seconds. Frames may arrive in bursts, if a proxy holds them back. */
+/**
+ * Measures the frame rate over the last two seconds. Frames may arrive in bursts, if a proxy holds them back or this thread was
+ * late. So the rate counts from the arrival before those two seconds, however long ago. If the first frames came more closely
+ * than they were awaited, it counts from the start.
+ */
 export class RateMeter {
+  #startMs: number;
+  /** Those of the last two seconds, and the one before. */
   #arrivals: number[] = [];
+
+  /** `startMs`: since when frames are awaited, if that tells anything. */
+  constructor(startMs = Number.POSITIVE_INFINITY) {
+    this.#startMs = startMs;
+  }
+
+  /** Frames are awaited from now on. */
+  restart(nowMs: number): void {
+    this.#startMs = nowMs;
+    this.#arrivals = [];
+  }
 
   /** Counts a frame that has just arrived. */
   recordArrival(nowMs: number): void {
@@ -77,13 +94,14 @@ export class RateMeter {
 
   /** Frames per second; 0 if fewer than two frames, or only a burst, are known. */
   hz(nowMs: number): number {
-    this.#arrivals = this.#arrivals.filter((atMs) => nowMs - atMs <= 2 * WINDOW_MS);
     const within = this.#arrivals.findIndex((atMs) => nowMs - atMs <= WINDOW_MS);
     if (within < 0) return 0;
-    // from the last frame before, because all frames of the two seconds may be one burst
-    const counted = this.#arrivals.slice(Math.max(0, within - 1));
-    const spanMs = counted.at(-1)! - counted[0]!;
-    return spanMs < BURST_MS ? 0 : ((counted.length - 1) * 1000) / spanMs;
+    this.#arrivals.splice(0, within - 1);
+    const [firstMs, lastMs] = [this.#arrivals[0]!, this.#arrivals.at(-1)!];
+    const isBurst = within === 0 && lastMs - firstMs < firstMs - this.#startMs;
+    const spanMs = lastMs - (isBurst ? this.#startMs : firstMs);
+    const frames = this.#arrivals.length - (isBurst ? 0 : 1);
+    return spanMs < BURST_MS ? 0 : (frames * 1000) / spanMs;
   }
 }
 

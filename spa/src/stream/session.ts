@@ -9,7 +9,7 @@ import {
   type ViewerMessage,
   WIRE_VERSION,
 } from '@posecast/wire';
-import { QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
+import { HELD_UP_MS, QUIET_AFTER_MS, STALE_AFTER_MS } from '../twin/liveness.ts';
 import { FrameReader } from './frame_reader.ts';
 import { type Delay, Lateness, lowerHz, Silence } from './lateness.ts';
 import type { Action, Ending, FromStream, Phase } from './messages.ts';
@@ -60,6 +60,9 @@ const WORKED_MS = 5000;
  * `TransportChoice` picks the transport at every connect. Server-sent events are one-way: a different rate needs another
  * connection, and the phase stays `open` meanwhile. A mirror (any address that is not a WebSocket's) has one fixed rate. If a
  * full relay names a lane, the session is `connecting` to it at once; the lane posts its data directly (`lane/`).
+ *
+ * Over plain HTTP/1.1, a browser opens six connections to a host, for all its tabs and frames. So a page that nobody sees gives
+ * its event stream, or its mirror's, back: it is `waiting`, without a time, until it is seen.
  */
 export class Session {
   readonly #url: string;
@@ -67,6 +70,8 @@ export class Session {
   readonly #lane: string | undefined;
   readonly #wish: RateWish;
   readonly #random: () => number;
+  /** Whether anybody can see the page. */
+  #seen: boolean;
 
   #phase: Phase = 'ended';
   #sinceMs = 0;
@@ -93,7 +98,7 @@ export class Session {
   #greeted = false;
   readonly #actions: Action[] = [];
   readonly #post = (message: FromStream) => this.#actions.push({ do: 'post', message });
-  #reading = new FrameReader(this.#post);
+  #reading = new FrameReader(this.#post, 0);
 
   /** `lane`: where viewers without a token read the robot's past instead. */
   constructor(
@@ -108,6 +113,7 @@ export class Session {
     this.#token = token;
     this.#lane = lane;
     this.#wish = new RateWish(hz, visible);
+    this.#seen = visible;
     this.#random = random;
     this.#choice = new TransportChoice(random, !url.startsWith('ws'));
   }
@@ -209,10 +215,10 @@ export class Session {
   }
 
   tick(nowMs: number): Action[] {
-    this.#aliveMs = nowMs;
+    const wasHeldUp = this.#noteAlive(nowMs);
     if (this.#phase === 'open') {
       if (this.#inLane) this.#tryWebSocket(nowMs);
-      else if (nowMs - this.#heardMs > SILENT_LIMIT_MS) {
+      else if (nowMs - this.#heardMs > SILENT_LIMIT_MS && !wasHeldUp) {
         this.#actions.push({ do: 'drop' });
         this.#lost(nowMs, { code: 4408, reason: 'silent' });
       } else {
@@ -237,11 +243,15 @@ export class Session {
     return this.#take();
   }
 
-  /** A hidden page requests no poses at all; status and events continue. */
-  visibility(nowMs: number, visible: boolean): Action[] {
-    this.#wish.visible = visible;
-    if (visible) this.#reading.resumed();
-    this.#wishRate(nowMs);
+  /** While poses are not `wanted`, none are requested; status and events continue, unless nobody sees the page and they would
+   *  take an HTTP connection. */
+  visibility(nowMs: number, wanted: boolean, seen = wanted): Action[] {
+    this.#wish.visible = wanted;
+    this.#seen = seen;
+    if (wanted) this.#reading.resumed(nowMs);
+    if (seen && this.#isGivenBack) this.#connect(nowMs);
+    else if (!seen && this.#holdsAnswer && this.#phase !== 'ended') this.#giveBack();
+    else this.#wishRate(nowMs);
     return this.#take();
   }
 
@@ -257,7 +267,7 @@ export class Session {
   /** Back online, back from sleep, or the viewer asks (`isAsked`). A connection that was quiet for half the limit is replaced. */
   wake(nowMs: number, isAsked = false): Action[] {
     this.#choice.retrySoon(nowMs, isAsked);
-    if (this.#phase === 'connecting') return this.#take();
+    if (this.#phase === 'connecting' || (this.#isGivenBack && !this.#seen)) return this.#take();
     if (this.#phase === 'open') {
       if (this.#inLane || nowMs - this.#heardMs <= SILENT_LIMIT_MS / 2) return this.#take();
       this.#actions.push({ do: 'drop' });
@@ -272,7 +282,7 @@ export class Session {
     const before = this.#token;
     this.#token = token;
     if (before && token && this.#phase === 'open' && !this.#onEvents) this.#send({ type: 'auth', token });
-    else if (before !== token) {
+    else if (before !== token && (this.#seen || !this.#isGivenBack)) {
       this.#actions.push({ do: 'drop' });
       this.#failures = 0;
       this.#connect(nowMs);
@@ -309,18 +319,41 @@ export class Session {
 
   /** `full`: the relay has no free place; public data is read from the lane that it names, until a WebSocket is accepted. */
   #connect(nowMs: number, full?: Bye): void {
+    const asBefore = this.#isGivenBack;
     this.#phase = 'connecting';
     this.#retryAtMs = null;
     this.#laneBye = full;
     const by = full
       ? this.#choice.enterLane(nowMs, 1000 * (full.retry_s ?? WAIT_S))
-      : this.#choice.chooseNext(nowMs, this.#lane !== undefined && !this.#token);
+      : asBefore
+        ? this.#choice.now
+        : this.#choice.chooseNext(nowMs, this.#lane !== undefined && !this.#token);
+    if (!this.#seen && this.#holdsAnswer) {
+      this.#giveBack();
+      return;
+    }
     if (!this.#onEvents) this.#wish.slowHz = null;
     this.#begin(nowMs, by === 'websocket' ? this.#wish.wantedHz : this.#wish.hz);
     this.#link(null);
     const lane = full ? `${full.lane} ${this.#url}` : `${this.#lane}`;
     const url = by === 'segments' ? lane : this.#address(by, this.#wish.askedHz);
     this.#actions.push({ do: 'connect', by, url });
+  }
+
+  #giveBack(): void {
+    this.#phase = 'waiting';
+    this.#retryAtMs = null;
+    this.#actions.push({ do: 'drop' });
+    this.#link(null);
+  }
+
+  get #isGivenBack(): boolean {
+    return this.#phase === 'waiting' && this.#retryAtMs === null;
+  }
+
+  /** The transport is one answer without end. */
+  get #holdsAnswer(): boolean {
+    return this.#onEvents && !this.#inLane;
   }
 
   get #inLane(): boolean {
@@ -359,7 +392,7 @@ export class Session {
     this.#greeted = false;
     this.#lateness.begin(nowMs, askedMs);
     // The relay remembers per connection what it has sent: a new one starts from nothing on both sides.
-    this.#reading = new FrameReader(this.#post);
+    this.#reading = new FrameReader(this.#post, askedMs);
     this.#acknowledgements = new Acknowledgements();
     this.#wish.askedHz = askedHz;
   }
@@ -407,12 +440,21 @@ export class Session {
   /** Something arrived: records whether there was a silence before it. Such a silence ends with the answer to a ping, or on
    *  events with an event that was written late enough. In a mirror, silence is normal and not counted. */
   #hear(nowMs: number): void {
-    this.#aliveMs = nowMs;
+    this.#noteAlive(nowMs);
     if (nowMs - this.#heardMs > this.#oldAfterMs && this.#choice.now !== 'mirror') {
       this.#silence.begin(this.#heardMs);
       if (!this.#onEvents) this.#ping(nowMs);
     }
     this.#heardMs = nowMs;
+  }
+
+  /** Records that this thread runs. Returns whether it did not for a while: what arrived meanwhile is still to be read. */
+  #noteAlive(nowMs: number): boolean {
+    const beforeMs = this.#aliveMs;
+    this.#aliveMs = nowMs;
+    const wasHeldUp = this.#phase === 'open' && nowMs - beforeMs > HELD_UP_MS;
+    if (wasHeldUp) this.#post({ kind: 'held-up', fromMs: beforeMs, toMs: nowMs });
+    return wasHeldUp;
   }
 
   get #oldAfterMs(): number {

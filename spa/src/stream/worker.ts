@@ -219,9 +219,9 @@ self.onmessage = (event: MessageEvent<ToStream>) => {
       perform(session?.renew(nowMs(), token) ?? []);
       break;
     case 'visible':
-      visible = message.visible;
+      visible = message.wanted;
       events?.setVisible?.(visible);
-      perform(session?.visibility(nowMs(), visible) ?? []);
+      perform(session?.visibility(nowMs(), visible, message.seen) ?? []);
       break;
     case 'doubt':
       perform(session?.doubt(nowMs(), message.sinceMs) ?? []);

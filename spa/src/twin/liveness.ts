@@ -1,3 +1,5 @@
+import { remember, type Span } from '../kit.ts';
+
 /**
  * Judges whether the page shows a live robot, in one word. Pure: evidence and the clock are passed in, and the result is a
  * verdict. Ages are upper bounds: a delay in transit that cannot be measured counts as age.
@@ -13,6 +15,7 @@ export type Cause =
   | 'robot silent'
   | 'no connection'
   | 'slow network'
+  | 'busy browser'
   | 'relay degraded'
   | 'waiting for the next part';
 
@@ -26,6 +29,36 @@ export const QUIET_AFTER_MS = 2000;
 export const JOINING_MS = 3000;
 /** A live pose that has not changed for this long is called HOLDING. */
 export const HOLDING_AFTER_MS = 3000;
+
+/** A longer time in which a thread of the page did not run counts as a hold-up: its timers come more often. */
+export const HELD_UP_MS = 400;
+/** After a still longer one, the device slept. */
+const SLEPT_MS = 10_000;
+/** How many hold-ups are remembered. */
+const HOLD_UPS = 30;
+
+/** When threads of the page did not run, because other tabs or programs, or the page's own work, kept them waiting. A page that
+ *  is late itself must not blame the robot, the relay or the network. */
+export class HoldUps {
+  readonly #spans: Span[] = [];
+
+  /** Records that a thread did not run between these times. */
+  record(fromMs: number, toMs: number): void {
+    if (toMs - fromMs > HELD_UP_MS && toMs - fromMs < SLEPT_MS)
+      remember(this.#spans, { fromMs, toMs }, HOLD_UPS);
+  }
+
+  /** Whether some thread did not run in most of the time between these. */
+  explain(fromMs: number, toMs: number): boolean {
+    let [heldUpMs, countedMs] = [0, fromMs];
+    for (const span of [...this.#spans].sort((a, b) => a.fromMs - b.fromMs)) {
+      const endMs = Math.min(span.toMs, toMs);
+      heldUpMs += Math.max(0, endMs - Math.max(span.fromMs, countedMs));
+      countedMs = Math.max(countedMs, endMs);
+    }
+    return heldUpMs > (toMs - fromMs) / 2;
+  }
+}
 
 /** The relay's report about a robot, about once a second. */
 export interface Status {
@@ -70,6 +103,8 @@ export interface Evidence {
   otherwiseMs: number | null;
   /** The delay of the newest frame or status in transit, at most, ms. The times above include it. */
   transitMs: number;
+  /** When this page itself was late. */
+  readonly holdUps: HoldUps;
 }
 
 /** A recording, unix ms, and the formatting of its moments. */
@@ -181,10 +216,12 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
     past: null,
   });
 
+  const isBusy = (ms: number) => evidence.holdUps.explain(nowMs - ms, nowMs);
   const joining = evidence.lostMs === null && nowMs - evidence.openedMs <= JOINING_MS;
   if (!evidence.connected || status === null || linkMs === null || linkMs >= QUIET_AFTER_MS) {
     if (joining && status === null) return verdict(null);
-    return verdict('STALE', 'no connection');
+    const isLate = evidence.connected && linkMs !== null && isBusy(linkMs);
+    return verdict('STALE', isLate ? 'busy browser' : 'no connection');
   }
   if (status.degraded) return verdict('STALE', 'relay degraded'); // the relay can't know whether the robot is there
   if (status.robot === 'offline') return verdict('OFFLINE');
@@ -193,11 +230,12 @@ export function judge(evidence: Evidence, nowMs: number): Verdict {
   const { watchingMs } = evidence;
   const shownMs = pictureMs(evidence);
   const staleMs = watchingMs === null ? QUIET_AFTER_MS : STALE_AFTER_MS; // without poses, only the status tells
-  if (linkMs >= staleMs) return verdict('STALE', 'no connection');
+  if (linkMs >= staleMs) return verdict('STALE', isBusy(linkMs) ? 'busy browser' : 'no connection');
   /** If most of this age may be delay in transit, that is the cause. A page that opens waits until more is known. */
   const stale = (oldMs: number | null, cause: Cause | null): Verdict => {
     const isSlow = oldMs !== null && evidence.transitMs > oldMs / 2;
     if (isSlow && joining) return verdict(null);
+    if (oldMs !== null && isBusy(oldMs)) return verdict('STALE', 'busy browser', oldMs);
     // if nothing at all has arrived since the pose, neither robot nor relay is to blame
     const isCutOff = oldMs !== null && !status.endsMs && linkMs + evidence.transitMs > oldMs - TOGETHER_MS;
     return verdict('STALE', isSlow ? 'slow network' : isCutOff ? 'no connection' : cause, oldMs);

@@ -3,7 +3,7 @@ import { Emitter, isWithin, type Span } from '../kit.ts';
 import { JointTable } from './joints.ts';
 import type { KinematicTree } from './kinematic_tree.ts';
 import { NO_EDITS, type ThresholdEdits, ValueLimits } from './limits.ts';
-import { type Evidence, newestAgeMs, STALE_AFTER_MS, type Status } from './liveness.ts';
+import { type Evidence, HoldUps, newestAgeMs, STALE_AFTER_MS, type Status } from './liveness.ts';
 import { isolated } from './names.ts';
 import { valueAt } from './values.ts';
 
@@ -84,6 +84,7 @@ export class RobotTwin {
       shownMs: null,
       otherwiseMs: null,
       transitMs: 0,
+      holdUps: new HoldUps(),
     };
   }
 
@@ -192,6 +193,11 @@ export class RobotTwin {
   /** The stream was delayed and is without delay from now on: earlier freshness says nothing about now. */
   acceptCatchUp(): void {
     this.evidence.freshMs = this.evidence.otherwiseMs = null;
+  }
+
+  /** Records that a thread of the page did not run for a while. That of a hidden page need not. */
+  acceptHoldUp(fromMs: number, toMs: number): void {
+    if (this.#watching) this.evidence.holdUps.record(fromMs, toMs);
   }
 
   /** Records whether poses are requested; a hidden page requests none. */

@@ -206,6 +206,7 @@ describe('words', () => {
     expect(chip({ word: 'HOLDING' })).toBe('HOLDING 12 s');
     expect(chip({ word: 'STALE', cause: 'robot silent' })).toBe('STALE 3.2 s: robot silent');
     expect(chip({ word: 'STALE', cause: 'slow network' })).toBe('STALE 3.2 s: slow network');
+    expect(chip({ word: 'STALE', cause: 'busy browser' })).toBe('STALE 3.2 s: this browser is busy');
     expect(chip({ word: 'STALE', cause: 'no connection', ageMs: null })).toBe('STALE no connection');
     const refused = (code: number, ageMs: number | null = null) => {
       const ended = { ...link, phase: 'ended', ending: { code, reason: '' } } as const;

@@ -59,3 +59,17 @@ it('of a single burst says nothing', () => {
   for (let n = 0; n < 60; n++) pace.recordArrival(1000 + n / 3);
   expect(pace.hz(1020)).toBe(0);
 });
+
+it.each([
+  ['after half a minute', 30_000, 900, 400],
+  ['after an outage of half a minute', 30_000, 900, 400],
+  ['at once', 100, 30, 1000],
+])('of frames that come %s is no more than their times prove', (when, firstMs, count, withinMs) => {
+  const pace = new RateMeter(0);
+  if (when.includes('outage')) pace.recordArrival(10);
+  for (let n = 0; n < count; n++) pace.recordArrival(firstMs + (n * withinMs) / count);
+  const hz = pace.hz(firstMs + withinMs);
+  expect(Math.round(hz / 3)).toBe(10);
+  pace.restart(50_000); // such as when the page is seen again
+  expect(pace.hz(50_100)).toBe(0);
+});

@@ -1,5 +1,6 @@
 // @vitest-environment happy-dom
 import { afterEach, expect, it, vi } from 'vitest';
+import { READY_MS, sleepUnseen } from '../../src/app/robot/use_body_view.ts';
 import { PageVisibility } from '../../src/stream/client.ts';
 
 /** A screen whose edges the test can move. */
@@ -56,4 +57,29 @@ it('goes by the tab alone where the browser can say no more', () => {
   hide(true);
   expect([visibility.visible, told]).toEqual([false, [false]]);
   visibility.close();
+});
+
+it('a view sleeps at once where it is scrolled away, and behind another tab after half a minute', () => {
+  vi.stubGlobal('IntersectionObserver', Edges);
+  vi.useFakeTimers();
+  const told: boolean[] = [];
+  const stop = sleepUnseen({ setAsleep: (asleep) => told.push(asleep) });
+  const [edges] = Edges.made;
+  edges!.say([{ isIntersecting: false }]);
+  expect(told).toEqual([true]);
+  edges!.say([{ isIntersecting: true }]);
+  hide(true);
+  vi.advanceTimersByTime(READY_MS - 1);
+  hide(false); // only flipped through
+  vi.advanceTimersByTime(READY_MS);
+  expect(told).toEqual([true, false, false]);
+  hide(true);
+  vi.advanceTimersByTime(READY_MS);
+  hide(false);
+  expect(told).toEqual([true, false, false, true, false]);
+  hide(true);
+  stop();
+  vi.advanceTimersByTime(READY_MS);
+  expect(told).toHaveLength(5);
+  vi.useRealTimers();
 });

@@ -87,6 +87,18 @@ describe('a socket that died without saying so', () => {
     expect(rig.take()[0]).toEqual({ do: 'drop' });
   });
 
+  it('is kept by a thread that did not run: it reads first what arrived meanwhile', () => {
+    const rig = opened();
+    rig.take();
+    const fromMs = rig.now;
+    rig.now += 2 * SILENT_LIMIT_MS;
+    rig.do(rig.session.tick(rig.now));
+    expect(rig.session.phase).toBe('open');
+    expect(rig.posts('held-up')).toEqual([{ kind: 'held-up', fromMs, toMs: rig.now }]);
+    rig.pass(250);
+    expect(rig.session.phase, 'nothing had arrived').toBe('waiting');
+  });
+
   it('is not what a quiet robot looks like: status comes each second', () => {
     const rig = opened();
     rig.passWithStatus(60_000);
@@ -450,12 +462,41 @@ describe('where no WebSocket gets through', () => {
     expect(rig.asked(), 'what has worked is tried first').toEqual(['ws://relay/live?hz=30']);
   });
 
-  it('a page that is not seen asks for another connection without poses, and stays open', () => {
+  it('a page that nobody sees gives the stream back at once, and asks for it again at once', () => {
+    const rig = onEvents();
+    rig.do(rig.session.visibility(rig.now, false));
+    const given = { phase: 'waiting', by: 'events', retryAtMs: null };
+    expect(rig.take().filter(({ do: what }) => what !== 'post')).toEqual([{ do: 'drop' }]);
+    rig.pass(60_000);
+    rig.do(rig.session.wake(rig.now)); // such as when the network is back
+    rig.do(rig.session.renew(rig.now, 'T'));
+    expect(rig.asked()).toEqual([]);
+    rig.do(rig.session.visibility(rig.now, true));
+    expect(rig.asked()).toEqual([EVENTS]);
+    rig.do(rig.session.opened(rig.now));
+    rig.do(rig.session.visibility(rig.now, false));
+    expect(rig.posts('link').at(-1)).toMatchObject(given);
+  });
+
+  it('a page that opens hidden holds no stream until it is seen', () => {
+    const rig = new Rig(0.5, false);
+    rig.do(rig.session.start(rig.now));
+    for (let failure = 0; failure < 2; failure++) {
+      rig.do(rig.session.closed(rig.now, 1006, ''));
+      rig.pass(1000);
+    }
+    rig.pass(60_000);
+    expect(rig.asked()).toEqual(Array(2).fill('ws://relay/live?hz=30'));
+    rig.do(rig.session.visibility(rig.now, true));
+    expect(rig.asked()).toEqual([EVENTS]);
+  });
+
+  it('a page that shows the past asks for another connection without poses, and stays open', () => {
     const rig = onEvents();
     rig.pass(2000);
     rig.status();
     rig.take();
-    rig.do(rig.session.visibility(rig.now, false));
+    rig.do(rig.session.visibility(rig.now, false, true));
     expect(rig.take()).toEqual([{ do: 'connect', by: 'events', url: 'http://relay/live.sse?hz=0' }]);
     expect(rig.session.phase).toBe('open');
     rig.do(rig.session.visibility(rig.now, true));

@@ -2,6 +2,7 @@ import { describe, expect, it } from 'vitest';
 import {
   type Evidence,
   HOLDING_AFTER_MS,
+  HoldUps,
   JOINING_MS,
   judge,
   STALE_AFTER_MS,
@@ -37,6 +38,7 @@ function evidence(changed: Partial<Evidence> = {}): Evidence {
     shownMs: NOW - 30,
     otherwiseMs: null,
     transitMs: 20,
+    holdUps: new HoldUps(),
     ...changed,
   };
 }
@@ -200,6 +202,44 @@ describe('the picture', () => {
     expect(judge(cut, NOW)).toMatchObject({ word: 'STALE', cause: 'relay degraded' });
     const never = evidence({ watchingMs: NOW - 1501, shownMs: null });
     expect(judge(never, NOW)).toMatchObject({ word: 'STALE', cause: 'relay degraded' });
+  });
+
+  it.each([
+    [
+      'its own hold-ups',
+      [
+        [2000, 1300],
+        [1250, 100],
+      ],
+      'busy browser',
+    ],
+    [
+      'hold-ups of two threads, counted once',
+      [
+        [1500, 900],
+        [1500, 900],
+        [1400, 950],
+      ],
+      'relay degraded',
+    ],
+    ['hold-ups of before', [[9000, 1600]], 'relay degraded'],
+    ['a sleep', [[31_000, 100]], 'relay degraded'],
+    [
+      'moments',
+      [
+        [1500, 1200],
+        [1100, 750],
+        [700, 350],
+      ],
+      'relay degraded',
+    ],
+  ])('of a page with %s is late for that reason, or for another', (_what, spans, cause) => {
+    const holdUps = new HoldUps();
+    for (const [from = 0, to = 0] of spans) holdUps.record(NOW - from, NOW - to);
+    const late = { shownMs: NOW - 1600, freshMs: NOW - 1600, holdUps };
+    expect(judge(evidence({ ...late, status: status({ atMs: NOW }) }), NOW).cause).toBe(cause);
+    const cut = evidence({ ...late, heardMs: NOW - 1600 });
+    expect(judge(cut, NOW).cause).toBe(cause === 'busy browser' ? cause : 'no connection');
   });
 
   it('of before an outage, however short, is not LIVE, and the first of after it is', () => {

@@ -346,6 +346,14 @@ class Stream:
             if _identify_event(doc) not in known:
                 self.number_event(doc, doc["at"])
 
+    @property
+    def frame_bytes(self) -> int:
+        """The size of the newest frame or its KEY, whichever is larger; 0 before the first."""
+        newest = self.newest
+        if newest is None:
+            return 0
+        return max(len(newest.payload), len(newest.key.payload) if newest.key is not None else 0)
+
     # ---- age -------------------------------------------------------------
 
     def set_age_unless_live(self, age_s: float, now: float) -> None:

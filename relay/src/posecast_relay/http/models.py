@@ -76,6 +76,7 @@ PIECES_PER_TURN = 16  # of the event loop
 MODEL_HEADERS = OPEN | {
     "cache-control": "public, max-age=31536000, immutable",
     "content-security-policy": "default-src 'none'; sandbox",
+    "cross-origin-resource-policy": "cross-origin",  # pictures, in pages that are cross-origin isolated
     "x-content-type-options": "nosniff",
 }
 PACK_UP_TO_BYTES = (

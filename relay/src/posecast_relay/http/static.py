@@ -144,6 +144,12 @@ class StaticFolder(StaticFiles):
         return response
 
 
+# Pages that are cross-origin isolated (COEP) load and frame only what says that it may be, and frame only
+# pages that demand the same of what they load, as must a page's workers.
+FOR_ISOLATED = {
+    "cross-origin-resource-policy": "cross-origin",
+    "cross-origin-embedder-policy": "require-corp",
+}
 FRAMES = "frame-ancestors 'none'"  # browsers accept this only in a header
 # the page's entry for frames: /embed/ROBOT, or /embed/, where only the fragment names the robot
 EMBED = re.compile(r"/embed/(?:index\.html)?(?P<robot>[a-z0-9][a-z0-9-]{0,62})?")
@@ -181,6 +187,7 @@ class Page(StaticFolder):
             frames = "frame-ancestors " + " ".join(self._frame_ancestors(framed["robot"] or ""))
             policy = response.headers.get("content-security-policy", FRAMES)
             response.headers["content-security-policy"] = policy.replace(FRAMES, frames)
+            response.headers.update(FOR_ISOLATED)
             for name in NOT_FRAMED:
                 del response.headers[name]
         return response
@@ -230,6 +237,7 @@ class Page(StaticFolder):
         hashed = "/assets/" in scope["path"]
         if hashed:
             response.headers["cache-control"] = HASHED
+            response.headers.update(FOR_ISOLATED)
         # a frame with `sandbox` has no origin, so it may read only what any page may
         if hashed or scope["path"].endswith("/config.json"):
             response.headers.update(OPEN)

@@ -35,7 +35,7 @@ from posecast_relay.net.request import (
 )
 from posecast_relay.net.websocket import CLOSING_S
 from posecast_relay.runtime.dispatcher import Dispatcher
-from posecast_relay.runtime.socket_options import cut_unread, peer_of, use_small_buffers
+from posecast_relay.runtime.socket_options import cut_unread, fit_buffer, peer_of, use_small_buffers
 from posecast_relay.runtime.tasks import FAULT, isolated, isolated_task
 
 log = logging.getLogger("posecast_relay")
@@ -116,6 +116,13 @@ class EventStream(asyncio.Protocol):
             cut_unread(sock, round(1000 * self._dispatcher.hub.limits.half_open_s))
         self._transport.write(_make_head(pages))
         self._dispatcher.join(self._viewer)
+        self._fit_buffer()
+
+    def _fit_buffer(self) -> None:
+        """Fit the socket's buffer to the stream's frames: when it joins, and when one did not fit."""
+        room = self._dispatcher.hub.viewers.get(self._viewer)
+        if room is not None:
+            fit_buffer(self._transport, room.stream.frame_bytes)
 
     # ---- asyncio ----------------------------------------------------------
 
@@ -136,6 +143,7 @@ class EventStream(asyncio.Protocol):
     def pause_writing(self) -> None:
         """Pause the viewer: the socket did not take everything."""
         self._viewer.pause(self._dispatcher.now())
+        self._fit_buffer()
 
     @isolated
     def resume_writing(self) -> None:

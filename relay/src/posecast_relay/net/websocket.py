@@ -34,7 +34,7 @@ from posecast_relay.net.request import (
     read_bearer,
     read_target,
 )
-from posecast_relay.runtime.socket_options import descriptor_of, peer_of, use_small_buffers
+from posecast_relay.runtime.socket_options import descriptor_of, fit_buffer, peer_of, use_small_buffers
 from posecast_relay.runtime.tasks import FAULT, isolated, isolated_task
 
 if TYPE_CHECKING:
@@ -157,6 +157,7 @@ class LiveSocket(asyncio.Protocol):
         self.descriptor = -1
         if self._viewer is not None:
             self._viewer.pause(self.dispatcher.now())
+            self._fit_buffer()
 
     @isolated
     def resume_writing(self) -> None:
@@ -291,11 +292,18 @@ class LiveSocket(asyncio.Protocol):
         self._viewer = make_viewer(outlet, asked, grant, dispatcher)
         self._own_descriptor = descriptor_of(self._transport)
         dispatcher.join(self._viewer)
+        self._fit_buffer()
         if self._transport.get_write_buffer_size() == 0:
             self.descriptor = self._own_descriptor
         else:
             # uvicorn makes this the transport's protocol only after this call, so it got the pause itself
             self._viewer.pause(dispatcher.now())
+
+    def _fit_buffer(self) -> None:
+        """Fit the socket's buffer to the stream's frames: when it joins, and when one did not fit."""
+        room = self.dispatcher.hub.viewers.get(self._viewer) if self._viewer else None
+        if room is not None:
+            fit_buffer(self._transport, room.stream.frame_bytes)
 
     def _frame(self, frame: WebSocketFrame) -> None:
         if frame.opcode is Opcode.CLOSE or self._ws.state is not OPEN:

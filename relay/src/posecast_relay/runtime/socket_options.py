@@ -9,6 +9,12 @@ import socket
 # kernel doubles the value); large enough for the messages of a join.
 SEND_BUFFER_BYTES = 16384
 
+# Of larger frames it accepts this many: a viewer whose processor is busy for a moment misses none. Beyond
+# the second number, it accepts fewer: what a slow viewer has not read is old when it is read, and takes
+# memory.
+SEND_BUFFER_FRAMES = 6
+SEND_BUFFER_BYTES_MAX = 65536
+
 # How many unsent bytes of an answer the kernel buffers; a fast reader gets more at once.
 UNSENT_BYTES = 65536
 
@@ -20,6 +26,14 @@ def use_small_buffers(transport: asyncio.Transport) -> None:
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
     # at 0 the transport tells at once when a socket has not taken everything
     transport.set_write_buffer_limits(high=0)
+
+
+def fit_buffer(transport: asyncio.Transport, frame_bytes: int) -> None:
+    """Enlarge a stream's buffer if its frames are so large that it takes only a few of them."""
+    wanted = min(SEND_BUFFER_FRAMES * frame_bytes, SEND_BUFFER_BYTES_MAX)
+    sock = transport.get_extra_info("socket")
+    if sock is not None and wanted > SEND_BUFFER_BYTES:
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, wanted)
 
 
 def leave_unsent(transport: asyncio.Transport) -> None:

@@ -74,6 +74,7 @@ function stateWords({ word, cause, unchangedMs }: Verdict, { ending }: Link): st
     case 'STALE':
       if (cause === 'robot silent') return text.explainSilent;
       if (cause === 'slow network') return text.explainSlow;
+      if (cause === 'busy browser') return text.explainBusy;
       if (cause === 'no connection' && ending !== null) return endingWords(ending);
       if (cause === 'waiting for the next part') return text.explainNextPart;
       return cause === 'relay degraded' ? text.explainDegraded : text.explainLost;

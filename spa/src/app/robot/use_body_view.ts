@@ -1,10 +1,11 @@
 import { type RefObject, useEffect, useEffectEvent, useRef, useState } from 'react';
 import { LatePart } from '../../browser/late_part.ts';
 import { answers, untilRetry } from '../../browser/retry.ts';
-import { Emitter } from '../../kit.ts';
+import { Debounce, Emitter } from '../../kit.ts';
 import type { ModelReport } from '../../model/report.ts';
 import type { DrawingTrouble } from '../../scene/figure/adaptive_quality.ts';
 import type { BodyView, RowView } from '../../scene/figure/body_view.ts';
+import { PageVisibility } from '../../stream/client.ts';
 import { isolated } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { shownScene } from '../shell/debug_api.ts';
@@ -130,6 +131,7 @@ export function useBodyView(
 
   const { view } = shown;
   useEffect(() => view?.setTheme(theme), [view, theme]);
+  useEffect(() => (view === null ? undefined : sleepUnseen(view)), [view]);
   return {
     ...shown,
     drawn,
@@ -209,6 +211,25 @@ export function keepLoading(
   void keepTrying();
   return () => {
     left = true;
+  };
+}
+
+/** A hidden tab keeps its picture ready for this long, because people flip through tabs. */
+export const READY_MS = 30_000;
+
+/** Puts a view to sleep while nobody sees it: in a frame that is scrolled away at once, in a hidden tab after `READY_MS`. Returns
+ *  a function that stops this. */
+export function sleepUnseen(view: Pick<BodyView, 'setAsleep'>): () => void {
+  const sleepLater = new Debounce(READY_MS, () => view.setAsleep(true));
+  const visibility = new PageVisibility((seen) => {
+    sleepLater.cancel();
+    if (!seen && document.hidden) sleepLater.restart();
+    else view.setAsleep(!seen);
+  });
+  if (!visibility.visible) sleepLater.restart();
+  return () => {
+    sleepLater.cancel();
+    visibility.close();
   };
 }
 

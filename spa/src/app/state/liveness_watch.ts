@@ -1,11 +1,17 @@
 import { Emitter } from '../../kit.ts';
 import { countSleep, nowMs } from '../../stream/clock.ts';
-import { isClaim, judge, newestAgeMs, STALE_AFTER_MS, type Verdict, type Word } from '../../twin/liveness.ts';
+import {
+  HELD_UP_MS,
+  isClaim,
+  judge,
+  newestAgeMs,
+  STALE_AFTER_MS,
+  type Verdict,
+  type Word,
+} from '../../twin/liveness.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 
 const EVERY_MS = 100;
-/** A longer pause between two checks means that the page itself was blocked. */
-const HELD_UP_MS = 400;
 /** After such a pause, the time for processing the messages that arrived meanwhile, before the next check. */
 const CATCH_UP_MS = 50;
 
@@ -79,6 +85,7 @@ export class LivenessWatch implements Watch {
     const heldUp = this.#caughtUp && heldUpMs > HELD_UP_MS;
     this.#caughtUp = !heldUp;
     this.#lost = heldUp && heldUpMs > STALE_AFTER_MS;
+    if (heldUp) this.#twin.acceptHoldUp(this.#lookedMs, now);
     // The next check is no later than the moment at which the pose becomes too old.
     const leftMs = STALE_AFTER_MS - (newestAgeMs(this.#twin.evidence, now) ?? 0);
     const nextMs = leftMs > 0 ? Math.min(EVERY_MS, leftMs) : EVERY_MS;
@@ -95,7 +102,15 @@ export class LivenessWatch implements Watch {
     const sinceMs = nowMs() - this.#lookedMs;
     // the page may have been blocked since the last check, and a pose that is called old has aged all the time
     const ageMs = verdict.ageMs === null ? null : verdict.ageMs + sinceMs;
-    if (claims) this.#verdict = { ...verdict, word: 'STALE', cause: null, overShare: false, ageMs };
+    const isBusy = this.#twin.evidence.holdUps.explain(this.#lookedMs, nowMs());
+    if (claims)
+      this.#verdict = {
+        ...verdict,
+        word: 'STALE',
+        cause: isBusy ? 'busy browser' : null,
+        overShare: false,
+        ageMs,
+      };
     else this.#verdict = verdict.word === 'STALE' ? { ...verdict, ageMs } : verdict;
     const { word, cause } = this.#verdict;
     if (word === before && cause === causeBefore) return;

@@ -15,6 +15,7 @@ export const en = {
   shortForbidden: 'not shared',
   shortAbsent: 'no such robot',
   slowNetwork: 'slow network',
+  busyBrowser: 'this browser is busy',
   shortSignIn: 'sign in again',
   relayDegraded: 'relay degraded',
   nextPart: 'waiting for the next part',

@@ -17,6 +17,7 @@ export const ko: Text = {
   shortForbidden: '공유되지 않음',
   shortAbsent: '로봇 없음',
   slowNetwork: '느린 네트워크',
+  busyBrowser: '이 브라우저가 바쁨',
   shortSignIn: '다시 로그인 필요',
   relayDegraded: '릴레이 장애',
   nextPart: '다음 부분을 기다리는 중',

@@ -74,6 +74,7 @@ export const moreEn = {
   explainDelayed: (span: string) => `Whoever runs this robot shows it ${span} late.`,
   explainSlow:
     'Poses arrive, but may be 1.5 s old or older by then. The network is slow, or something between you and the relay holds them back.',
+  explainBusy: 'This browser is too busy to show each pose in time. Close other tabs or programs.',
   explainDegraded: 'The relay answers, but it cannot show what the robot does now.',
   explainOverShare: 'The robot sends more than its share, so the relay drops some of its frames.',
   explainLost: 'The connection to the relay is lost. You see the last pose that arrived.',
@@ -107,7 +108,7 @@ export const moreEn = {
     'This browser has no 3D, and this device is slow. Showing the light view at lower resolution.',
   viewChosen: 'The light view.',
   viewSlow: 'This device is too slow for 3D. Showing the light view.',
-  viewGivenUp: '3D keeps failing in this browser. Showing the light view.',
+  viewGivenUp: 'This browser keeps stopping 3D, or shows 3D in too many places. Showing the light view.',
   noReadingOf: (joints: readonly string[], more: number) =>
     `No reading of ${joints.join(', ')}${more > 0 ? ` and ${more} more` : ''}: shown in ${
       joints.length === 1 ? 'its last known position' : 'their last known positions'

@@ -47,7 +47,7 @@ export const moreKo: More = {
   viewLightPixels: '이 브라우저에는 3D가 없고 기기가 느립니다. 해상도를 낮춘 간단한 화면으로 보여 줍니다.',
   viewChosen: '간단한 화면입니다.',
   viewSlow: '이 기기로는 3D가 느려서 간단한 화면으로 보여 줍니다.',
-  viewGivenUp: '이 브라우저에서 3D가 자꾸 멈춥니다. 간단한 화면으로 보여 줍니다.',
+  viewGivenUp: '이 브라우저가 3D를 자꾸 중단하거나 3D 화면이 너무 많습니다. 간단한 화면으로 보여 줍니다.',
   noReadingOf: (joints, more) =>
     `${joints.join(', ')}${more > 0 ? ` 외 ${more}개` : ''}의 측정값이 없어 마지막으로 알려진 위치에 그렸습니다.`,
   unmoved: (channels, joints) =>
@@ -81,6 +81,7 @@ export const moreKo: More = {
   explainDelayed: (span) => `이 로봇은 운영자가 일부러 ${span} 늦게 보여 줍니다.`,
   explainSlow:
     '자세가 들어오지만 도착했을 때 이미 1.5초 넘게 지났을 수 있습니다. 네트워크가 느리거나, 릴레이와의 사이에서 무언가가 데이터를 붙잡아 두고 있습니다.',
+  explainBusy: '이 브라우저가 너무 바빠 자세를 제때 보여 주지 못합니다. 다른 탭이나 프로그램을 닫으세요.',
   explainDegraded: '릴레이는 응답하지만 로봇의 지금 모습을 보여 주지 못합니다.',
   explainOverShare: '로봇이 허용량보다 많이 보내어 릴레이가 일부 프레임을 버립니다.',
   explainLost: '릴레이와 연결이 끊겼습니다. 보이는 것은 마지막으로 받은 자세입니다.',

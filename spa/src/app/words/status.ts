@@ -120,6 +120,8 @@ export function causeWords(cause: Cause | null, link?: Pick<Link, 'ending'>): st
       return say()[SHORT_ENDINGS[link?.ending?.code ?? 0] ?? 'noConnection'];
     case 'slow network':
       return say().slowNetwork;
+    case 'busy browser':
+      return say().busyBrowser;
     case 'relay degraded':
       return say().relayDegraded;
     case 'waiting for the next part':

@@ -64,6 +64,17 @@ export class AdaptiveQuality {
     this.#applyStep();
   }
 
+  /** The scene has given its WebGL context back, which is no trouble. */
+  contextGivenBack(): void {
+    this.#contextIsLost = true;
+    this.#giveUp.cancel();
+  }
+
+  /** The scene has asked for its context again. */
+  contextRequested(): void {
+    this.#giveUp.restart();
+  }
+
   /** The browser took the WebGL context away. */
   contextLost(nowMs: number): void {
     this.#contextIsLost = true;

@@ -84,6 +84,9 @@ export interface BodyView {
   /** Scales the distance to the target; a factor below 1 moves closer. */
   zoom(factor: number): void;
   setFollow(mode: FollowMode): void;
+  /** Gives back what the browser has few of, a WebGL context, while nobody sees the view, or takes it again. Meanwhile the newest
+   *  picture stays. */
+  setAsleep(asleep: boolean): void;
   /** Whether it draws the signs of balance. */
   readonly drawsBalance: boolean;
   /** The link under a point of the window (CSS pixels), or null. */

@@ -76,6 +76,9 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
     this.rig.cover(cover);
   }
 
+  /** By default there is nothing to give back. */
+  setAsleep(_asleep: boolean): void {}
+
   get eye(): EyePlace {
     return this.rig.eye;
   }

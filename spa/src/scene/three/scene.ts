@@ -74,11 +74,13 @@ export class RobotScene extends RowStage<RobotNode> {
     this.#surface = new SceneCanvas(host, {
       resized: (width, height, pixelRatio) => this.#resized(width, height, pixelRatio),
       blank: () => this.loop.drawNow(),
-      lost: () => {
+      lost: (isGivenBack) => {
         this.#surface.forget(this.#scene);
         this.#environment.forgetShadow();
-        this.#quality.contextLost(performance.now());
+        if (isGivenBack) this.#quality.contextGivenBack();
+        else this.#quality.contextLost(performance.now());
       },
+      requested: () => this.#quality.contextRequested(),
       restored: () => {
         this.#quality.contextRestored();
         this.#drawShadows();
@@ -103,6 +105,10 @@ export class RobotScene extends RowStage<RobotNode> {
     if (this.#surface.fit()) this.loop.drawNow();
     const { renderer } = this.#surface;
     this.#cool = warmUp(renderer, this.#scene, this.#camera.camera, this.robot.staleEffect, this.#tones);
+  }
+
+  override setAsleep(asleep: boolean): void {
+    this.#surface.setAsleep(asleep);
   }
 
   get resting(): boolean {
@@ -268,6 +274,12 @@ class SceneCanvas {
   readonly #resizes: ResizeObserver;
   readonly #on: SceneCanvasEvents;
   #sharpness = 1;
+  #asleep = false;
+  /** The newest picture, while the context is given back and until the next one is drawn. */
+  #still: HTMLCanvasElement | null = null;
+  /** Whether this canvas itself gave its context back, and the browser has said that it is lost. */
+  #isGivenBack = false;
+  #isRestorable = false;
 
   /** Throws an Error with a user-facing message if the browser has no WebGL 2. */
   constructor(host: HTMLElement, on: SceneCanvasEvents) {
@@ -287,7 +299,7 @@ class SceneCanvas {
     this.canvas.style.touchAction = 'none';
     host.append(this.canvas);
     this.canvas.addEventListener('webglcontextlost', this.#onLost);
-    this.canvas.addEventListener('webglcontextrestored', on.restored);
+    this.canvas.addEventListener('webglcontextrestored', this.#onRestored);
     this.#resizes = new ResizeObserver(() => {
       if (this.fit()) this.#on.blank();
     });
@@ -301,7 +313,41 @@ class SceneCanvas {
   render(scene: Scene, camera: Camera): boolean {
     if (this.lost) return false;
     this.renderer.render(scene, camera);
+    this.#still?.remove();
+    this.#still = null;
     return true;
+  }
+
+  /** Gives the context back, or takes it again. A browser has about sixteen for all frames of a page, and takes the oldest away
+   *  for the next. */
+  setAsleep(asleep: boolean): void {
+    this.#asleep = asleep;
+    if (asleep) this.#giveBack();
+    else this.#takeAgain();
+  }
+
+  #giveBack(): void {
+    if (this.lost) return; // not now: see `#onRestored`
+    this.#on.blank(); // a WebGL canvas can be read only right after drawing
+    const still = document.createElement('canvas');
+    still.width = this.canvas.width;
+    still.height = this.canvas.height;
+    still.style.cssText =
+      'position: absolute; inset: 0; width: 100%; height: 100%; object-fit: cover; pointer-events: none';
+    still.getContext('2d')?.drawImage(this.canvas, 0, 0);
+    this.canvas.after(still);
+    this.#still = still;
+    this.#isGivenBack = true;
+    this.#isRestorable = false;
+    this.renderer.forceContextLoss();
+  }
+
+  /** A context can be restored only after the event that says that it is lost. */
+  #takeAgain(): void {
+    if (this.#asleep || !this.#isGivenBack || !this.#isRestorable) return;
+    this.#isGivenBack = false;
+    this.#on.requested();
+    this.renderer.forceContextRestore();
   }
 
   /** Sets the fraction (0…1) of the screen's pixels along each side at which the next pictures are drawn. */
@@ -340,15 +386,26 @@ class SceneCanvas {
   dispose(): void {
     this.#resizes.disconnect();
     this.canvas.removeEventListener('webglcontextlost', this.#onLost);
-    this.canvas.removeEventListener('webglcontextrestored', this.#on.restored);
+    this.canvas.removeEventListener('webglcontextrestored', this.#onRestored);
+    this.#still?.remove();
     this.renderer.dispose();
-    this.renderer.forceContextLoss(); // a page may hold few contexts; don't wait for the garbage collector
+    this.#isGivenBack = false;
+    if (!this.lost) this.renderer.forceContextLoss(); // a page may hold few contexts; don't wait for the garbage collector
     this.canvas.remove();
   }
 
   readonly #onLost = (event: Event): void => {
     event.preventDefault(); // otherwise the browser never frees it
-    this.#on.lost();
+    this.#on.lost(this.#isGivenBack);
+    setTimeout(() => {
+      this.#isRestorable = true;
+      this.#takeAgain();
+    });
+  };
+
+  readonly #onRestored = (): void => {
+    this.#on.restored();
+    if (this.#asleep) this.#giveBack();
   };
 }
 
@@ -358,8 +415,10 @@ interface SceneCanvasEvents {
   resized(width: number, height: number, pixelRatio: number): void;
   /** The canvas has another size and is blank until it is drawn. */
   blank(): void;
-  /** The WebGL context is lost, and all GPU objects with it. */
-  lost(): void;
+  /** The WebGL context is lost, and all GPU objects with it. `isGivenBack`: because nobody sees the canvas. */
+  lost(isGivenBack: boolean): void;
+  /** The context was asked for again. */
+  requested(): void;
   /** There is a WebGL context again, without any GPU objects. */
   restored(): void;
 }

@@ -2,7 +2,7 @@ import { useEffect, useState } from 'react';
 import { apiUrl } from '../../../relay/addresses.ts';
 import { request, signInNeeded } from '../../../relay/request.ts';
 import { onAccountToken, tokenFor } from '../../../relay/token.ts';
-import { judge, type Verdict } from '../../../twin/liveness.ts';
+import { HoldUps, judge, type Verdict } from '../../../twin/liveness.ts';
 import { isolated } from '../../../twin/names.ts';
 
 const EVERY_MS = 2000;
@@ -72,6 +72,7 @@ export function judgeListed({ state, ageMs }: ListedRobot, tookMs: number): Verd
     ...{ openedMs: Number.NEGATIVE_INFINITY, connected: true, lostMs: null, heardMs: 0, transitMs: tookMs },
     ...{ freshMs: null, changedMs: null, watchingMs: null, shownMs: null, otherwiseMs: null },
     status: { ...status, atMs: -tookMs },
+    holdUps: new HoldUps(),
   };
   return judge(evidence, 0);
 }
