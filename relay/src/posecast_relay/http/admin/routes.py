@@ -302,8 +302,8 @@ def _require_allowed_address(access: Access, sources: AdminSources, request: Req
         asker = find_asker(peer, forwarded, access.addresses.trusted)
         if asker is None or not any(asker in network for network in admin.networks):
             who = "" if asker is None else f", not from {asker}"
-            text = f"only from the relay's machine or the networks of [admin]{who}: see `robots admin --networks`"
-            raise HTTPException(403, text, PRIVATE)
+            where = "only from the relay's machine or the networks of [admin]"
+            raise HTTPException(403, f"{where}{who}: see `robots admin --networks`", PRIVATE)
     return admin
 
 
