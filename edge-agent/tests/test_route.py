@@ -12,7 +12,7 @@ from posecast_edge.uplink.route import (
     HEAD_BYTES_MAX,
     Proxy,
     ProxyError,
-    Route,
+    RelayRoute,
     make_route,
     needs_no_proxy,
     parse_proxy,
@@ -59,7 +59,7 @@ def test_no_proxies(text: str, says: str) -> None:
 
 
 def test_a_login_is_shown_nowhere() -> None:
-    route = Route(RELAY, None, parse_proxy(f"http://me:{SECRET}@proxy.example:3128"))
+    route = RelayRoute(RELAY, None, parse_proxy(f"http://me:{SECRET}@proxy.example:3128"))
     assert SECRET not in f"{route} {route!r} {route.proxy}"
     assert str(route) == f"{RELAY} through the proxy proxy.example:3128"
 
@@ -93,23 +93,23 @@ def test_who_is_reached_without_a_proxy(host: str, no_proxy: str, direct: bool) 
 @pytest.mark.parametrize(
     ("endpoint", "proxy", "environment", "route"),
     [
-        (RELAY, None, {}, Route(RELAY)),
-        (RELAY, None, {"HTTPS_PROXY": "proxy.example:3128"}, Route(RELAY, None, CAMPUS)),
+        (RELAY, None, {}, RelayRoute(RELAY)),
+        (RELAY, None, {"HTTPS_PROXY": "proxy.example:3128"}, RelayRoute(RELAY, None, CAMPUS)),
         (
             RELAY,
             None,
             {"https_proxy": "proxy.example:3128", "HTTPS_PROXY": "x:1"},
-            Route(RELAY, None, CAMPUS),
+            RelayRoute(RELAY, None, CAMPUS),
         ),
-        (RELAY, None, {"ALL_PROXY": "proxy.example:3128"}, Route(RELAY, None, CAMPUS)),
-        (RELAY, None, {"HTTPS_PROXY": "x:1", "no_proxy": "lab.example"}, Route(RELAY)),
-        (RELAY, CAMPUS, {"HTTPS_PROXY": "x:1", "NO_PROXY": "*"}, Route(RELAY, None, CAMPUS)),
-        ("tcp/127.0.0.1:1", CAMPUS, {"HTTPS_PROXY": "x:1"}, Route("tcp/127.0.0.1:1")),
-        ("tls/127.0.0.1:1", None, {"HTTPS_PROXY": "x:1"}, Route("tls/127.0.0.1:1")),
+        (RELAY, None, {"ALL_PROXY": "proxy.example:3128"}, RelayRoute(RELAY, None, CAMPUS)),
+        (RELAY, None, {"HTTPS_PROXY": "x:1", "no_proxy": "lab.example"}, RelayRoute(RELAY)),
+        (RELAY, CAMPUS, {"HTTPS_PROXY": "x:1", "NO_PROXY": "*"}, RelayRoute(RELAY, None, CAMPUS)),
+        ("tcp/127.0.0.1:1", CAMPUS, {"HTTPS_PROXY": "x:1"}, RelayRoute("tcp/127.0.0.1:1")),
+        ("tls/127.0.0.1:1", None, {"HTTPS_PROXY": "x:1"}, RelayRoute("tls/127.0.0.1:1")),
     ],
 )
 def test_which_proxy_is_used(
-    endpoint: str, proxy: Proxy | None, environment: dict[str, str], route: Route
+    endpoint: str, proxy: Proxy | None, environment: dict[str, str], route: RelayRoute
 ) -> None:
     assert make_route(endpoint, None, proxy, environment) == route
 
@@ -129,7 +129,7 @@ def test_which_proxy_is_used(
 def test_a_proxy_of_the_environment_that_is_not_used_is_named(
     endpoint: str, value: str, says: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    assert make_route(endpoint, None, None, {"HTTPS_PROXY": value}) == Route(endpoint)
+    assert make_route(endpoint, None, None, {"HTTPS_PROXY": value}) == RelayRoute(endpoint)
     assert [r.getMessage() for r in caplog.records] == [f"HTTPS_PROXY is not used: {says}"]
 
 
@@ -195,7 +195,7 @@ def test_what_a_proxy_answers(
 ) -> None:
     port, answers[0] = int(answers[0]), answer
     with pytest.raises(ProxyError, match=says) as e:
-        Route(RELAY, None, Proxy("127.0.0.1", port, login)).connect(20.0)
+        RelayRoute(RELAY, None, Proxy("127.0.0.1", port, login)).connect(20.0)
     assert e.value.is_answer is is_answer
     assert str(e.value).startswith("can't be reached: the proxy 127.0.0.1:")
 
@@ -204,11 +204,11 @@ def test_a_proxy_that_is_not_there() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         with pytest.raises(ProxyError, match="accepts connections but sends nothing"):
-            Route(RELAY, None, Proxy("127.0.0.1", port)).connect(0.1)
+            RelayRoute(RELAY, None, Proxy("127.0.0.1", port)).connect(0.1)
     for host, says in (
         ("127.0.0.1", "does not answer"),
         ("no.such.invalid", "no.such.invalid is unknown here"),
     ):
         with pytest.raises(ProxyError, match=says) as e:
-            Route(RELAY, None, Proxy(host, port)).connect(20.0)
+            RelayRoute(RELAY, None, Proxy(host, port)).connect(20.0)
         assert not e.value.is_answer

@@ -21,7 +21,7 @@ from edge_stage import ROBOT, Edge
 from posecast_edge.uplink import tunnel as tunnels
 from posecast_edge.uplink.credentials import Certificate, Proof
 from posecast_edge.uplink.diagnosis import check_credential, check_steps, diagnose_link
-from posecast_edge.uplink.route import Route, parse_proxy
+from posecast_edge.uplink.route import RelayRoute, parse_proxy
 from posecast_edge.uplink.tunnel import Tunnel
 from posecast_testing import free_port, until
 from posecast_testing.connect_proxy import ConnectProxy
@@ -108,8 +108,8 @@ def start() -> Iterator[Callable[..., Edge]]:
         each.kill()
 
 
-def through(proxy: ConnectProxy) -> Route:
-    return Route(f"tls/{NAME}:443", None, parse_proxy(proxy.url))
+def through(proxy: ConnectProxy) -> RelayRoute:
+    return RelayRoute(f"tls/{NAME}:443", None, parse_proxy(proxy.url))
 
 
 @pytest.fixture
@@ -151,10 +151,10 @@ class TlsServer:
 
 
 @pytest.fixture
-def make_tunnel() -> Iterator[Callable[[Route], Tunnel]]:
+def make_tunnel() -> Iterator[Callable[[RelayRoute], Tunnel]]:
     made: list[Tunnel] = []
 
-    def make(route: Route) -> Tunnel:
+    def make(route: RelayRoute) -> Tunnel:
         made.append(Tunnel(route, lambda _: None))
         return made[-1]
 
@@ -218,9 +218,9 @@ def test_the_name_may_differ_from_the_address(
 
 
 def test_every_byte_goes_both_ways_and_an_end_ends_both(
-    secrets: Path, server: TlsServer, make_tunnel: Callable[[Route], Tunnel]
+    secrets: Path, server: TlsServer, make_tunnel: Callable[[RelayRoute], Tunnel]
 ) -> None:
-    tunnel = make_tunnel(Route(f"tls/127.0.0.1:{server.address[1]}", NAME))
+    tunnel = make_tunnel(RelayRoute(f"tls/127.0.0.1:{server.address[1]}", NAME))
     sent = os.urandom(3_000_000)
     with enter(tunnel, trusting(secrets)) as end:
         until("its buffer is small", lambda: is_small(end), 60)
@@ -236,9 +236,7 @@ def is_small(end: socket.socket) -> bool:
     return end.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) == 2 * tunnels.LOCAL_SNDBUF_BYTES
 
 
-def test_only_this_process_may_enter(
-    secrets: Path, server: TlsServer, make_tunnel: Callable[[Route], Tunnel], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_this_process_may_enter(secrets: Path, server: TlsServer) -> None:
     proxy, warnings = ConnectProxy(lead={(NAME, 443): server.address}), list[str]()
     tunnel = Tunnel(through(proxy), warnings.append)
     try:
@@ -256,10 +254,10 @@ def test_only_this_process_may_enter(
 
 
 def test_a_proxy_that_refuses_is_not_asked_again_at_once(
-    secrets: Path, proxy: ConnectProxy, make_tunnel: Callable[[Route], Tunnel]
+    secrets: Path, proxy: ConnectProxy, make_tunnel: Callable[[RelayRoute], Tunnel]
 ) -> None:
     wrong = proxy.url.replace("s3cret", "other")
-    tunnel = make_tunnel(Route(f"tls/{NAME}:443", None, parse_proxy(wrong)))
+    tunnel = make_tunnel(RelayRoute(f"tls/{NAME}:443", None, parse_proxy(wrong)))
     for _ in range(5):
         with enter(tunnel, None) as end:
             assert end.recv(1) == b""
@@ -268,9 +266,9 @@ def test_a_proxy_that_refuses_is_not_asked_again_at_once(
 
 
 def test_entrances_are_shared_by_those_who_trust_the_same(
-    secrets: Path, make_tunnel: Callable[[Route], Tunnel]
+    secrets: Path, make_tunnel: Callable[[RelayRoute], Tunnel]
 ) -> None:
-    tunnel = make_tunnel(Route("tls/127.0.0.1:1", NAME))
+    tunnel = make_tunnel(RelayRoute("tls/127.0.0.1:1", NAME))
     one = tunnel.open(trusting(secrets))
     assert tunnel.open(Credential(ROBOT, "y" * 43, trusting(secrets).ca)) == one
     others = [tunnel.open(Credential(ROBOT, "x" * 43, ca)) for ca in "abcd"]
@@ -285,19 +283,21 @@ def test_entrances_are_shared_by_those_who_trust_the_same(
 def test_an_alert_is_proof_of_tls(secrets: Path, server: TlsServer, alert: int) -> None:
     server.alert = alert
     words = "unrecognized name" if alert == ssl.ALERT_DESCRIPTION_UNRECOGNIZED_NAME else "internal error"
-    found = diagnose_link(Route(f"tls/127.0.0.1:{server.address[1]}"), trusting(secrets))
+    found = diagnose_link(RelayRoute(f"tls/127.0.0.1:{server.address[1]}"), trusting(secrets))
     assert found.why == (
         f"speaks TLS, but refuses connections to 127.0.0.1 ({words}): use its name instead of an address, or "
         "give the name with --relay-name"
     )
-    found = diagnose_link(Route(f"tls/127.0.0.1:{server.address[1]}", "other.example"), trusting(secrets))
+    found = diagnose_link(
+        RelayRoute(f"tls/127.0.0.1:{server.address[1]}", "other.example"), trusting(secrets)
+    )
     assert found.why.endswith(f"connections to other.example ({words}): use a name in its certificate")
 
 
 def test_each_step_is_named(secrets: Path, router: TlsRouter, proxy: ConnectProxy) -> None:
     proof = own_certificate(secrets)
 
-    def failing(route: Route, proof: Proof | None = proof) -> tuple[list[str], str]:
+    def failing(route: RelayRoute, proof: Proof | None = proof) -> tuple[list[str], str]:
         """The steps, and what the last one found if it failed."""
         steps = list(check_steps(route, proof))
         assert not any(step.failed for step in steps[:-1])
@@ -305,13 +305,13 @@ def test_each_step_is_named(secrets: Path, router: TlsRouter, proxy: ConnectProx
 
     assert failing(through(proxy)) == (["name", "proxy", "TLS", "Zenoh"], "")
     at = f"tls/127.0.0.1:{router.port}"
-    assert failing(Route(at, NAME)) == (["name", "TCP", "TLS", "Zenoh"], "")
-    assert failing(Route("tls/no.such.invalid:1")) == (
+    assert failing(RelayRoute(at, NAME)) == (["name", "TCP", "TLS", "Zenoh"], "")
+    assert failing(RelayRoute("tls/no.such.invalid:1")) == (
         ["name"],
         "can't be reached: its name no.such.invalid is unknown here",
     )
-    assert failing(Route(f"tls/127.0.0.1:{free_port()}")) == (["name", "TCP"], "does not answer")
-    refused = Route(f"tls/{NAME}:7447", None, parse_proxy(proxy.url))
+    assert failing(RelayRoute(f"tls/127.0.0.1:{free_port()}")) == (["name", "TCP"], "does not answer")
+    refused = RelayRoute(f"tls/{NAME}:7447", None, parse_proxy(proxy.url))
     steps, why = failing(refused)
     assert steps == ["name", "proxy"]
     assert why.endswith(f"does not allow connections to {NAME}:7447 (status 403)")
@@ -322,7 +322,7 @@ def test_each_step_is_named(secrets: Path, router: TlsRouter, proxy: ConnectProx
 
     accepts = check_credential(through(proxy), proof, ROBOT)
     assert (accepts.failed, accepts.text) == (False, f"accepts '{ROBOT}'")
-    stranger = check_credential(Route(at, "other.example"), proof, ROBOT)
+    stranger = check_credential(RelayRoute(at, "other.example"), proof, ROBOT)
     assert stranger.failed
     assert "hostname mismatch" in stranger.text
 

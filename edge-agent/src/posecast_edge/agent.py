@@ -35,7 +35,7 @@ from posecast_edge.sources.published.checks import explain_stillness
 from posecast_edge.uplink.credentials import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
-from posecast_edge.uplink.route import Route
+from posecast_edge.uplink.route import RelayRoute
 
 log = logging.getLogger("posecast_edge")
 
@@ -54,7 +54,7 @@ class AgentSettings:
     the robot."""
 
     robot: str
-    relay: Route
+    relay: RelayRoute
     hz: float
     key_interval_s: float
     credential: Credential | Certificate | None = None

@@ -19,7 +19,7 @@ from posecast_edge.profile.reader import find_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import KINDS, split_spec
 from posecast_edge.uplink.credentials import Certificate, read_credential
-from posecast_edge.uplink.route import Route, check_endpoint, check_server_name, make_route, parse_proxy
+from posecast_edge.uplink.route import RelayRoute, check_endpoint, check_server_name, make_route, parse_proxy
 
 T = TypeVar("T")
 
@@ -43,7 +43,7 @@ class Settings:
 
     robot: str
     source: str
-    relay: Route
+    relay: RelayRoute
     hz: float
     key_interval_s: float
     profile: Path | None
@@ -94,7 +94,7 @@ def read_proof(args: argparse.Namespace) -> Credential | Certificate | None:
     return certificate
 
 
-def read_route(args: argparse.Namespace, environment: Mapping[str, str]) -> Route:
+def read_route(args: argparse.Namespace, environment: Mapping[str, str]) -> RelayRoute:
     """How to reach the relay. Raises UsageError when flags don't fit together."""
     try:
         return make_route(args.relay, args.relay_name, args.proxy, environment)

@@ -15,7 +15,7 @@ from posecast_wire.keys import frame_key
 
 from posecast_edge.kit import make_visible
 from posecast_edge.uplink.credentials import Certificate, make_tls_context
-from posecast_edge.uplink.route import ProxyError, Route
+from posecast_edge.uplink.route import ProxyError, RelayRoute
 from posecast_edge.uplink.session import is_heard, make_zenoh_config
 from posecast_edge.uplink.tunnel import Tunnel
 
@@ -65,7 +65,7 @@ class Step(NamedTuple):
     failed: bool = False
 
 
-def check_steps(route: Route, credential: Credential | Certificate | None) -> Iterator[Step]:
+def check_steps(route: RelayRoute, credential: Credential | Certificate | None) -> Iterator[Step]:
     """Go towards the relay, up to the first step that failed. The last one is that Zenoh answers; whether it
     accepts this robot is not asked."""
     asked = route.address if route.proxy is None else (route.proxy.host, route.proxy.port)
@@ -94,7 +94,7 @@ def check_steps(route: Route, credential: Credential | Certificate | None) -> It
         yield Step(hop, "does not answer", failed=True)
 
 
-def _check_tcp(plain: socket.socket, route: Route) -> Iterator[Step]:
+def _check_tcp(plain: socket.socket, route: RelayRoute) -> Iterator[Step]:
     answer = probe_port(plain)
     wrong = None
     if answer is None:
@@ -106,7 +106,7 @@ def _check_tcp(plain: socket.socket, route: Route) -> Iterator[Step]:
     yield Step("Zenoh", wrong or "answers", failed=wrong is not None)
 
 
-def diagnose_link(route: Route, credential: Credential | Certificate | None) -> Diagnosis:
+def diagnose_link(route: RelayRoute, credential: Credential | Certificate | None) -> Diagnosis:
     """Find out why there is no link to the relay."""
     for step in check_steps(route, credential):
         if step.failed:
@@ -121,7 +121,9 @@ def diagnose_link(route: Route, credential: Credential | Certificate | None) -> 
     return Diagnosis(_refusal(credential), is_refusal=True)
 
 
-def check_credential(route: Route, credential: Credential | Certificate | None, robot: str | None) -> Step:
+def check_credential(
+    route: RelayRoute, credential: Credential | Certificate | None, robot: str | None
+) -> Step:
     """Whether a relay that answers accepts this robot, asked by Zenoh. `robot`: its name; None if nothing
     says it, so only the link is checked."""
     warnings: list[str] = []
@@ -140,7 +142,7 @@ def check_credential(route: Route, credential: Credential | Certificate | None, 
             tunnel.close()
 
 
-def _takes_anybody(route: Route) -> bool:
+def _takes_anybody(route: RelayRoute) -> bool:
     """Whether the relay accepts a robot without a credential: Zenoh refuses a password if none is needed."""
     try:
         with zenoh.open(make_zenoh_config(route.endpoint, tries_once=True)):
@@ -202,7 +204,7 @@ ALERT = re.compile(r"(?:\S+_ALERT|TLSV1)_(.+)")  # OpenSSL's names for what the 
 
 
 def _check_tls(
-    plain: socket.socket, route: Route, credential: Credential | Certificate | None
+    plain: socket.socket, route: RelayRoute, credential: Credential | Certificate | None
 ) -> Iterator[Step]:
     """Shake hands on a connected socket, and listen for what the relay says of our certificate."""
     import ssl  # noqa: PLC0415
@@ -249,7 +251,7 @@ def _hear(link: ssl.SSLSocket) -> Step:
     return Step("Zenoh", "answers")
 
 
-def _is_web(route: Route) -> bool:
+def _is_web(route: RelayRoute) -> bool:
     """Whether a web server without TLS listens there."""
     with suppress(OSError), route.connect(PATIENCE_S) as plain:
         return is_http(probe_port(plain))
@@ -262,7 +264,7 @@ def _find_alert(error: ssl.SSLError) -> str | None:
     return match and match[1].replace("_", " ").lower()
 
 
-def _explain_alert(route: Route, alert: str) -> str:
+def _explain_alert(route: RelayRoute, alert: str) -> str:
     host = route.expected_name
     text = f"speaks TLS, but refuses connections to {host} ({alert})"
     if re.fullmatch(r"[0-9.]+|.*:.*", host):  # TLS sends names only
@@ -270,7 +272,7 @@ def _explain_alert(route: Route, alert: str) -> str:
     return f"{text}: use a name in its certificate"
 
 
-def _explain_untrusted(route: Route, why: str) -> str:
+def _explain_untrusted(route: RelayRoute, why: str) -> str:
     """Why the certificate is not trusted, and whose it is."""
     text = f"has a certificate that can't be trusted: {why.lower().rstrip('.')}"
     with suppress(OSError, ValueError, UnicodeError):
@@ -280,7 +282,7 @@ def _explain_untrusted(route: Route, why: str) -> str:
     return text
 
 
-def _fetch_certificate(route: Route) -> dict[str, Any] | None:
+def _fetch_certificate(route: RelayRoute) -> dict[str, Any] | None:
     """The relay's certificate, unverified. Python decodes only what it has verified: so it is fetched, and
     then trusted on a second connection, on which nothing is sent."""
     import ssl  # noqa: PLC0415

@@ -36,7 +36,7 @@ from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
 from posecast_edge.uplink.credentials import Certificate, Proof
 from posecast_edge.uplink.lateness import LATE_S, EchoWatch, News
-from posecast_edge.uplink.route import Route
+from posecast_edge.uplink.route import RelayRoute
 from posecast_edge.uplink.session import RETRY_MS, ModelServer, ProofRotation, Run, make_zenoh_config
 from posecast_edge.uplink.tunnel import Tunnel
 
@@ -64,7 +64,7 @@ class ZenohPublisher:
         self,
         robot: str,
         views: Sequence[str],
-        relay: Route,
+        relay: RelayRoute,
         *,
         snapshot: Callable[[str], Snapshot | None],
         heard: Callable[[str], None],

@@ -111,7 +111,7 @@ def _covers(
 
 
 @dataclass(frozen=True)
-class Route:
+class RelayRoute:
     """How to reach a relay. `endpoint`: its Zenoh endpoint, such as `tls/HOST:PORT`; `server_name`: the name
     that its certificate must have, None for HOST; `proxy`: the proxy that opens the connection, None for a
     direct one."""
@@ -171,14 +171,14 @@ class Route:
 
 def make_route(
     endpoint: str, server_name: str | None, proxy: Proxy | None, environment: Mapping[str, str]
-) -> Route:
+) -> RelayRoute:
     """The route for what the user gave; without a `proxy`, through the environment's. Logs why that one is
     not used. Raises ValueError, one line, when the parts don't fit together."""
-    route = Route(endpoint, server_name, proxy)
+    route = RelayRoute(endpoint, server_name, proxy)
     no_proxy = environment.get("no_proxy") or environment.get("NO_PROXY", "")
     is_near = needs_no_proxy(*route.address, no_proxy)
     if route.scheme == "tcp" and is_near:  # variables for the usual relay do not concern one on this machine
-        return Route(endpoint)
+        return RelayRoute(endpoint)
     for given, what in ((proxy, "a proxy"), (server_name, "a relay's name")):
         if given is not None and route.scheme != "tls":
             raise ValueError(f"{what} needs a relay at tls/HOST:PORT, not {endpoint}")
@@ -189,7 +189,7 @@ def make_route(
         log.warning("%s is not used: only a relay at tls/HOST:PORT is reached through a proxy", variable)
         return route
     try:
-        return Route(endpoint, server_name, parse_proxy(environment[variable]))
+        return RelayRoute(endpoint, server_name, parse_proxy(environment[variable]))
     except ValueError as e:
         log.warning("%s is not used: %s", variable, e)
         return route

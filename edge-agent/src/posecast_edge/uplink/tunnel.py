@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from posecast_edge.uplink.credentials import Certificate, Proof, make_tls_context
-from posecast_edge.uplink.route import ProxyError, Route
+from posecast_edge.uplink.route import ProxyError, RelayRoute
 
 if TYPE_CHECKING:
     import ssl
@@ -40,7 +40,7 @@ PEERCRED = struct.Struct("3i")  # pid, uid, gid
 class Tunnel:
     """Entrances to one relay. Each connection has a thread of its own."""
 
-    def __init__(self, route: Route, warn: Callable[[str], None]) -> None:
+    def __init__(self, route: RelayRoute, warn: Callable[[str], None]) -> None:
         """`warn` is called with a line when a process is turned away that may not enter."""
         self._route, self._warn = route, warn
         self._lock = threading.Lock()
