@@ -132,6 +132,6 @@ async def test_an_admin_is_told_where_it_is_forbidden(
     ports = (MemoryStore(), NoSource())
     dispatcher = make_access(parse(["run", *flags], {}), None, ports, hub, None).live
     (line,) = [record for record in caplog.records if "io_uring" in record.getMessage()]
-    assert (line.levelname, line.getMessage().partition(", ")[0]) == (level, "io_uring is not allowed here")
+    assert (line.levelname, line.getMessage().partition(": ")[0]) == (level, "io_uring is not allowed here")
     (gauge,) = [each for each in RelayCollector([dispatcher]).collect() if each.name == "posecast_io_uring"]
     assert [sample.value for sample in gauge.samples] == [0]
