@@ -60,6 +60,9 @@ def test_the_relay_understands_what_it_is_told() -> None:
     (container,) = RUN["spec"]["containers"]
     found = settings(container, POSECAST_ROBOTS=__file__)
     assert found.role == "gateway"
+    assert container["startupProbe"]["httpGet"]["path"] == "/readyz", "a broken one replaces nothing"
+    # its secret's files must belong to the relay's user
+    assert RUN["metadata"]["annotations"]["run.googleapis.com/execution-environment"] == "gen1"
     # an instance has room for the page beside the streams, and ends a stream before the platform does
     assert found.max_viewers < RUN["spec"]["containerConcurrency"] <= 1000
     assert found.max_connection_age * 1.1 < RUN["spec"]["timeoutSeconds"] <= 3600
@@ -121,6 +124,8 @@ def test_nobody_reaches_redis_or_metrics_from_outside() -> None:
     assert [port["targetPort"] for port in services["gateway"]["ports"]] == ["http"]
     policies = {doc["metadata"]["name"]: doc["spec"] for doc in ALL if doc["kind"] == "NetworkPolicy"}
     assert policies["nobody"] == {"podSelector": {}, "policyTypes": ["Ingress"]}
+    assert policies["redis"]["policyTypes"] == ["Ingress", "Egress"]
+    assert "egress" not in policies["redis"], "it sends nothing out"
     for name in ("redis", "metrics"):
         assert all("from" in rule for rule in policies[name]["ingress"])
 

@@ -116,3 +116,23 @@ def test_the_proxy_takes_what_compose_tells_it() -> None:
         env = os.environ | told | {"LANE_AT": cache}
         done = subprocess.run(adapt, env=env, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
+
+
+def test_one_port_changes_only_ports_and_networks() -> None:
+    text = (ROOT / "infra/one-port.yml").read_text()
+    defaults = read_defaults()
+    for name, default in re.findall(r"\$\{([A-Z_]+):-([^}]*)\}", text):
+        assert defaults[name] == default
+    changed = yaml.safe_load(text.replace("!override", ""))["services"]
+    assert changed.keys() == {"robots", "proxy"}
+    base = COMPOSE["services"]
+    assert set(changed["robots"]["networks"]) == {"robots", "web"}
+    assert "web" in base["proxy"]["networks"], "nginx reaches the proxy there"
+    assert changed["proxy"]["ports"] == [port for port in base["proxy"]["ports"] if not port.endswith(":443")]
+    (shared,) = changed["robots"]["ports"]
+    assert shared.endswith(":7443")
+    assert "listen 7443;" in (ROOT / "infra/robots.conf").read_text()
+    (variable,) = changed["proxy"]["environment"]
+    assert f"{{${variable}:" in (ROOT / "infra/Caddyfile").read_text()
+    page = (ROOT / "docs/how-to/operate/container-recipes.md").read_text()
+    assert "`-f infra/one-port.yml` after `-f infra/docker-compose.yml`" in page

@@ -20,6 +20,7 @@ from posecast_edge.pipeline.view_pipeline import ViewPipeline
 from posecast_edge.profile.reader import parse_profile
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver
+from posecast_edge.uplink.route import RelayRoute
 from posecast_testing import until
 from posecast_wire.decoder import Decoder
 from posecast_wire.frame import parse_header
@@ -57,7 +58,7 @@ class Running:
     def __init__(self, router: Router) -> None:
         self.source = Moving()
         self.said = io.StringIO()
-        settings = AgentSettings(ROBOT, router.endpoint, 30.0, 30.0)
+        settings = AgentSettings(ROBOT, RelayRoute(router.endpoint), 30.0, 30.0)
         self.console = Console(self.said)
         logging.getLogger("posecast_edge").addHandler(self.console)
         logging.getLogger("posecast_edge").setLevel(logging.INFO)
@@ -241,7 +242,7 @@ class Still:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s = 50.0
         monkeypatch.setattr(kit, "now_s", lambda: self.now_s)
-        settings = AgentSettings(ROBOT, "tcp/127.0.0.1:1", 30.0, 30.0)
+        settings = AgentSettings(ROBOT, RelayRoute("tcp/127.0.0.1:1"), 30.0, 30.0)
         self.agent = Agent(settings, Moving(), parse_profile(PROFILE), Console(io.StringIO()))
         self.wire = Wire()
         self.agent._publisher = self.wire  # type: ignore[assignment]
@@ -361,7 +362,7 @@ def test_a_model_that_comes_later_changes_units_once(router: Router) -> None:
                 t_s = kit.now_s()
                 deliver(Sample(t_s, {"pos": {"arm": t_s % 3, "finger": t_s % 0.04}}))
 
-    settings = AgentSettings(ROBOT, router.endpoint, 30.0, 30.0)
+    settings = AgentSettings(ROBOT, RelayRoute(router.endpoint), 30.0, 30.0)
     agent = Agent(settings, Gripper(), None, Console(io.StringIO()))
     thread = threading.Thread(target=agent.run)
     thread.start()

@@ -12,6 +12,7 @@ import pytest
 from command_stage import run_edge
 from posecast_edge.cli.settings import Settings, UsageError, parse_settings
 from posecast_edge.uplink.credentials import Certificate
+from posecast_edge.uplink.route import RelayRoute
 from posecast_wire import Credential
 
 GOOD = ["run", "--robot", "r1", "--source", "jsonl", "--relay", "tcp/127.0.0.1:7447"]
@@ -19,7 +20,7 @@ GOOD = ["run", "--robot", "r1", "--source", "jsonl", "--relay", "tcp/127.0.0.1:7
 
 def test_flags_and_defaults() -> None:
     assert parse_settings(GOOD, {}) == Settings(
-        "r1", "jsonl", "tcp/127.0.0.1:7447", 30.0, 4.0, profile=None, urdf=None, model=None
+        "r1", "jsonl", RelayRoute("tcp/127.0.0.1:7447"), 30.0, 4.0, profile=None, urdf=None, model=None
     )
 
 
@@ -34,7 +35,7 @@ def test_environment_stands_in_and_flags_win() -> None:
         "POSECAST_URDF": "b.urdf",
     }
     assert parse_settings(["run", "--hz", "20"], environment) == Settings(
-        "r2", "demo", "tls/relay.example:7447", 20.0, 2.5, Path("a.toml"), Path("b.urdf"), None
+        "r2", "demo", RelayRoute("tls/relay.example:7447"), 20.0, 2.5, Path("a.toml"), Path("b.urdf"), None
     )
 
 

@@ -19,6 +19,7 @@ from edge_stage import ROBOT, Edge, Router
 from posecast_edge.uplink import diagnosis as doorbell
 from posecast_edge.uplink.credentials import Certificate
 from posecast_edge.uplink.diagnosis import Diagnosis, RefusalPatience, diagnose_link
+from posecast_edge.uplink.route import RelayRoute
 from posecast_testing import free_port, until
 from posecast_wire import Credential
 from posecast_wire.keys import alive_key
@@ -44,8 +45,9 @@ def listener() -> Iterator[socket.socket]:
 def test_nobody_there() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    assert diagnose_link(f"tcp/127.0.0.1:{port}", None) == Diagnosis("does not answer")
-    assert diagnose_link("tcp/no.such.host.invalid:1", None) == Diagnosis("does not answer")
+    assert diagnose_link(RelayRoute(f"tcp/127.0.0.1:{port}"), None) == Diagnosis("does not answer")
+    nameless = "can't be reached: its name no.such.host.invalid is unknown here"
+    assert diagnose_link(RelayRoute("tcp/no.such.host.invalid:1"), None) == Diagnosis(nameless)
 
 
 @pytest.mark.parametrize("proof", [None, Credential("hubo", "x" * 43)])
@@ -53,7 +55,7 @@ def test_somebody_who_hangs(
     listener: socket.socket, proof: Credential | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(doorbell, "PATIENCE_S", 0.1)
-    says = diagnose_link(f"tcp/127.0.0.1:{listener.getsockname()[1]}", proof).why
+    says = diagnose_link(RelayRoute(f"tcp/127.0.0.1:{listener.getsockname()[1]}"), proof).why
     assert says == "accepts connections but sends nothing: does it hang, or is it still starting?"
 
 
@@ -68,16 +70,16 @@ def test_somebody_who_does_not_let_it_in(router: Router, tmp_path: Path) -> None
         "transport": {"auth": {"usrpwd": {"dictionary_file": str(passwords)}}},
     }
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))):
-        nothing = diagnose_link(router.endpoint, None)
+        nothing = diagnose_link(RelayRoute(router.endpoint), None)
         assert nothing.why.endswith("does it need a credential (--credential, in Python credential=)?")
-        wrong = diagnose_link(router.endpoint, Credential("hubo", "x" * 43))
+        wrong = diagnose_link(RelayRoute(router.endpoint), Credential("hubo", "x" * 43))
         assert wrong.why == "refuses 'hubo': its credential is wrong, expired or revoked"
         assert nothing.is_refusal
         assert wrong.is_refusal
 
 
 def test_a_good_credential_for_a_relay_that_takes_anybody(router: Router) -> None:
-    found = diagnose_link(router.endpoint, Credential("hubo", "x" * 43))
+    found = diagnose_link(RelayRoute(router.endpoint), Credential("hubo", "x" * 43))
     assert found.why.startswith("accepts robots without a credential, like a relay with --dev: remove")
     assert not found.is_refusal
 
@@ -128,7 +130,7 @@ def test_no_tls_where_it_is_asked_for(listener: socket.socket) -> None:
 
     thread = threading.Thread(target=answer_twice)
     thread.start()
-    assert diagnose_link(address, None).why == "does not speak TLS: is it a tcp/… endpoint?"
+    assert diagnose_link(RelayRoute(address), None).why == "does not speak TLS: is it a tcp/… endpoint?"
     thread.join()
 
 
@@ -158,7 +160,7 @@ def test_the_port_of_a_web_page(tmp_path: Path) -> None:
     try:
         until("nginx listens", lambda: listens(port) and listens(tls_port))
         for endpoint in (f"tcp/127.0.0.1:{port}", f"tls/127.0.0.1:{port}", f"tls/127.0.0.1:{tls_port}"):
-            found = diagnose_link(endpoint, proof)
+            found = diagnose_link(RelayRoute(endpoint), proof)
             assert found == Diagnosis(doorbell.WEB), endpoint
             assert not found.is_refusal, "it is told at once"
     finally:
@@ -184,7 +186,7 @@ def test_a_relay_that_wants_tls(tmp_path: Path) -> None:
         },
     }
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))):
-        found = diagnose_link(f"tcp/127.0.0.1:{port}", Credential("hubo", "x" * 43))
+        found = diagnose_link(RelayRoute(f"tcp/127.0.0.1:{port}"), Credential("hubo", "x" * 43))
     assert found == Diagnosis(f"requires TLS: use tls/127.0.0.1:{port}")
 
 
@@ -209,7 +211,7 @@ def test_what_a_relay_that_wants_certificates_has_against_ours(tmp_path: Path) -
         def asked(proof: Credential | Certificate) -> str:
             thread = threading.Thread(target=answer)
             thread.start()
-            says = diagnose_link(f"tls/127.0.0.1:{server.getsockname()[1]}", proof).why
+            says = diagnose_link(RelayRoute(f"tls/127.0.0.1:{server.getsockname()[1]}"), proof).why
             thread.join()
             return says
 

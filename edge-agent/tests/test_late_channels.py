@@ -21,6 +21,7 @@ from posecast_edge.profile.reader import parse_profile
 from posecast_edge.profile.types import Profile
 from posecast_edge.sources.registry import open_source
 from posecast_edge.sources.ros.messages import IMU, JOINT_STATE
+from posecast_edge.uplink.route import RelayRoute
 from posecast_testing import until
 from ros_stage import Graph, imu, joint_state
 from rosbridge_stage import Rosbridge, ros_2
@@ -35,7 +36,7 @@ IMU_PARTS = {"quat", "gyro", "acc"}
 
 @contextmanager
 def running(router: Router, spec: str, profile: Profile | None = None) -> Iterator[Watched]:
-    settings = AgentSettings(ROBOT, router.endpoint, 30.0, 30.0)
+    settings = AgentSettings(ROBOT, RelayRoute(router.endpoint), 30.0, 30.0)
     agent = Agent(settings, open_source(spec, profile), profile, Console(io.StringIO()))
     thread = threading.Thread(target=agent.run)
     thread.start()

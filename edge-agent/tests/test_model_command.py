@@ -260,7 +260,7 @@ def test_doctor(
     [
         (["doctor", "--urdf", "{}/gone.urdf"], "gone.urdf: No such file"),
         (["doctor", "--urdf", "{}"], "is not a file"),
-        (["doctor"], "give --urdf, --profile, --source, or several of them"),
+        (["doctor"], "give --urdf, --profile, --source, --relay, or several of them"),
         (["doctor", "--urdf", "{}/robot.urdf", "--profile", "{}/gone.toml"], "gone.toml"),
         (["model"], "required"),
         (["model", "build", "{}/robot.urdf"], "required"),

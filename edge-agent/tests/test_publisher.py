@@ -16,6 +16,7 @@ import zenoh
 from edge_stage import ROBOT, Edge, Feeder, Got, Router
 from posecast_edge.uplink import publisher
 from posecast_edge.uplink.publisher import ZenohPublisher
+from posecast_edge.uplink.route import RelayRoute
 from posecast_testing import until
 from posecast_wire.decoder import Decoder
 from posecast_wire.keys import Echo, Snapshot, Stamp, alive_key, event_key, frame_key, model_key, snapshot_key
@@ -317,7 +318,8 @@ def test_a_session_is_closed_only_when_no_question_is_asked_over_it(
         closed.append(session.is_closed())
 
     monkeypatch.setattr(ZenohPublisher, "_echo_of", ask_until_it_ends)
-    link = ZenohPublisher(ROBOT, ["public"], router.endpoint, snapshot=lambda _: None, heard=lambda _: None)
+    route = RelayRoute(router.endpoint)
+    link = ZenohPublisher(ROBOT, ["public"], route, snapshot=lambda _: None, heard=lambda _: None)
     link.start()
     until("it asks", asks.is_set)
     link.stop(20.0)
@@ -337,7 +339,8 @@ def test_the_end_waits_for_the_threads_of_callbacks(router: Router, monkeypatch:
             may_return.wait(20.0)
 
     monkeypatch.setattr(ZenohPublisher, "_on_transport", hold)
-    link = ZenohPublisher(ROBOT, ["public"], router.endpoint, snapshot=lambda _: None, heard=lambda _: None)
+    route = RelayRoute(router.endpoint)
+    link = ZenohPublisher(ROBOT, ["public"], route, snapshot=lambda _: None, heard=lambda _: None)
     before = set(threading.enumerate())
     link.start()
     until("a link", lambda: link.connected)

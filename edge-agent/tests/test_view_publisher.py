@@ -13,6 +13,7 @@ from edge_stage import ROBOT, Router
 from posecast_edge.kit import ExceptionLog
 from posecast_edge.pipeline.events import Event
 from posecast_edge.uplink.publisher import EVENTS_MAX, ViewPublisher, ZenohPublisher
+from posecast_edge.uplink.route import RelayRoute
 from posecast_edge.uplink.session import Run, make_zenoh_config
 from posecast_testing import until
 from posecast_wire.keys import frame_key
@@ -84,7 +85,9 @@ class Breaking:
 
 @pytest.fixture
 def link(router: Router) -> Iterator[ZenohPublisher]:
-    made = ZenohPublisher(ROBOT, VIEWS, router.endpoint, snapshot=lambda _: None, heard=lambda _: None)
+    made = ZenohPublisher(
+        ROBOT, VIEWS, RelayRoute(router.endpoint), snapshot=lambda _: None, heard=lambda _: None
+    )
     made.start()
     until("a link", lambda: made.connected and made.may_send)
     yield made

@@ -9,7 +9,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 
 import pytest
+from posecast_relay.config.settings import parse
+from posecast_relay.core.hub import Hub
+from posecast_relay.core.limits import Limits
+from posecast_relay.http.metrics import RelayCollector
+from posecast_relay.runtime.dispatcher import MemoryStore, NoSource
 from posecast_relay.runtime.fan_out import BATCH, IoUring, Short, write_each
+from posecast_relay.server.access import make_access
 
 WriteEach = Callable[[Sequence[int], bytes], Short]
 Pair = Callable[[], tuple[socket.socket, socket.socket]]
@@ -114,3 +120,18 @@ def test_a_batch_that_the_kernel_does_not_begin_is_not_lost(
     assert ring.write_each(descriptors, b"def") == []
     assert [far.recv(9) for _, far in pairs] == [b"def"] * 3
     ring.close()
+
+
+@pytest.mark.parametrize(("flags", "level"), [(["--robots", __file__], "WARNING"), (["--dev"], "INFO")])
+async def test_an_admin_is_told_where_it_is_forbidden(
+    flags: list[str], level: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(IoUring, "open", lambda: None)
+    caplog.set_level("INFO", "posecast_relay")
+    hub = Hub(Limits())
+    ports = (MemoryStore(), NoSource())
+    dispatcher = make_access(parse(["run", *flags], {}), None, ports, hub, None).live
+    (line,) = [record for record in caplog.records if "io_uring" in record.getMessage()]
+    assert (line.levelname, line.getMessage().partition(": ")[0]) == (level, "io_uring is not allowed here")
+    (gauge,) = [each for each in RelayCollector([dispatcher]).collect() if each.name == "posecast_io_uring"]
+    assert [sample.value for sample in gauge.samples] == [0]

@@ -29,7 +29,7 @@ RUN: dict[str, dict[str, str]] = {
     },
     "docs/index.md": {"make demo": START, "wave.py |": ROBOTS, "make dist": INSTALL},
     "docs/how-to/install/cloud.md": {
-        "kubectl apply": "tests/test_cloud.py",
+        "kubectl apply -k": "tests/test_cloud.py",
         "POSECAST_ROLE": "tests/test_cloud.py",
     },
     "docs/how-to/install/containers.md": {

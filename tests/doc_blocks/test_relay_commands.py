@@ -61,12 +61,13 @@ def lab(stack: Any, tmp_path: Path) -> Lab:
 
 
 def test_a_credential_is_rotated_while_the_robot_runs(lab: Lab) -> None:
-    export, add, run, begin, lay, finish, leaked, remove = read_scripts(f"{OPERATE}/add-robots.md")
+    export, add, run, doctor, begin, lay, finish, leaked, remove = read_scripts(f"{OPERATE}/add-robots.md")
     shutil.copy(lab.folder / "relay-ca.pem", lab.folder / "ca.pem")
     lab.terminal.run(f"{export}\n{add}")
     lab.serve_as_installed()
     robot = lab.terminal.start(run)
     until("it is online", lambda: lab.find_status() == "online")
+    assert "accepts 'hubo'" in lab.terminal.run(doctor)
     lab.terminal.run(f"{export}\n{begin}\n{lay}")
     until(
         "it tries the next credential", lambda: re.search(r"does not \w+ the new credential yet", robot.log)

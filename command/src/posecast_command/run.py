@@ -26,7 +26,7 @@ PROGRAM = "posecast"
 NAMELESS = "robot"
 DEMO = "demo"
 # flags for a relay elsewhere: with any of them, none is started here
-ELSEWHERE = ("relay", "credential", "tls_cert", "tls_key", "tls_ca")
+ELSEWHERE = ("relay", "relay_name", "proxy", "credential", "tls_cert", "tls_key", "tls_ca")
 
 
 def make_run_parser(environment: Mapping[str, str]) -> CommandParser:

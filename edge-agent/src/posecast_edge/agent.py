@@ -35,6 +35,7 @@ from posecast_edge.sources.published.checks import explain_stillness
 from posecast_edge.uplink.credentials import Certificate
 from posecast_edge.uplink.lateness import RateControl
 from posecast_edge.uplink.publisher import ZenohPublisher
+from posecast_edge.uplink.route import RelayRoute
 
 log = logging.getLogger("posecast_edge")
 
@@ -48,12 +49,12 @@ WELL_S = 60.0  # a run that lasted this long resets the pause
 
 @dataclass(frozen=True)
 class AgentSettings:
-    """`robot`: the robot's id; `relay`: the Zenoh endpoint to connect to; `hz`: highest frame rate;
+    """`robot`: the robot's id; `relay`: how to reach the relay; `hz`: highest frame rate;
     `key_interval_s`: longest time between two KEY frames; `credential`: what proves to the relay that this is
     the robot."""
 
     robot: str
-    relay: str
+    relay: RelayRoute
     hz: float
     key_interval_s: float
     credential: Credential | Certificate | None = None

@@ -38,7 +38,8 @@ from posecast_edge.sources.published.readings import (
     copy_base,
 )
 from posecast_edge.sources.published.source import OF_PROFILE, PublishedSource
-from posecast_edge.uplink.credentials import check_endpoint, read_credential
+from posecast_edge.uplink.credentials import read_credential
+from posecast_edge.uplink.route import check_endpoint, check_server_name, make_route, parse_proxy
 
 log = logging.getLogger("posecast_edge.robot")
 
@@ -109,13 +110,17 @@ class Robot:
         credential: str | os.PathLike[str] | None = None,
         joints: Sequence[str] | None = None,
         hz: float = 30.0,
+        relay_name: str | None = None,
+        proxy: str | None = None,
     ) -> None:
         """`name`: the robot's name in the link, a-z, 0-9 and -. `relay`: the relay's address,
         `tls/HOST:PORT`, or `tcp/127.0.0.1:PORT` on the same machine. `urdf`: the file of the robot's model,
         made smaller in the background; `model`: instead of `urdf`, the folder that `posecast-edge model
         build` wrote. `profile`: a TOML file, or the name of a built-in profile. `credential`: the file with
         the line that `posecast-relay robots add` printed. `joints`: joint names, in the order of your lists
-        and arrays. `hz`: the highest frame rate, 1 to 60.
+        and arrays. `hz`: the highest frame rate, 1 to 60. `relay_name`: the name in the relay's certificate,
+        if `relay` has another. `proxy`: connect through this HTTP proxy, http://HOST:PORT; default: the
+        environment's HTTPS_PROXY, unless NO_PROXY names the relay.
 
         Raises ValueError (one line) for an unusable argument, and RuntimeError in a process forked from one
         that had a Robot. An unreachable relay is no error: the link comes up once the relay does.
@@ -123,6 +128,9 @@ class Robot:
         _check_name(name)
         checked_hz = _check_hz(hz)
         endpoint = _checked("relay", relay, check_endpoint)
+        server_name = None if relay_name is None else _checked("relay_name", relay_name, check_server_name)
+        through = None if proxy is None else _checked("proxy", proxy, parse_proxy)
+        route = make_route(endpoint, server_name, through, os.environ)
         secret = _checked("credential", credential, read_credential) if credential is not None else None
         if secret is not None and secret.robot != name:
             raise ValueError(f"credential: it is for robot {secret.robot!r}, not for {name!r}")
@@ -136,7 +144,7 @@ class Robot:
         self._steps = StepCheck(self._problems.add)
         self._slot = PublishedSlot()
         source = PublishedSource(self._slot, own, found, self._problems)
-        settings = AgentSettings(name, endpoint, checked_hz, KEY_INTERVAL_S, secret)
+        settings = AgentSettings(name, route, checked_hz, KEY_INTERVAL_S, secret)
         agent = Agent(settings, source, found, NoProgressLine(), self._problems.add)
 
         def take_model(bundle: Bundle) -> None:

@@ -156,8 +156,8 @@ def test_help_lists_the_exit_statuses(monkeypatch: pytest.MonkeyPatch) -> None:
 class Installed:
     """A distribution."""
 
-    def __init__(self, name: str, url: str | None, installer: str = "pip") -> None:
-        self.name, self.version = name, "1.2.3"
+    def __init__(self, name: str, url: str | None, installer: str = "pip", version: str = "1.2.3") -> None:
+        self.name, self.version = name, version
         self._files = {"INSTALLER": f"{installer}\n"}
         if url is not None:
             self._files["direct_url.json"] = json.dumps({"url": url})
@@ -182,6 +182,8 @@ def test_advice_names_what_is_installed(tmp_path: Path, monkeypatch: pytest.Monk
     wheel = tmp_path / "posecast_edge-1.whl"
     there["posecast-edge"] = Installed("posecast-edge", wheel.as_uri())
     assert advise_extra("posecast-edge", "ros") == "pip install 'posecast-edge[ros]'"  # the wheel is gone
+    there["posecast-wire"] = Installed("posecast-wire", None, version="1.0.0")
+    assert (find_version("posecast-edge"), find_version("posecast-relay")) == ("1.2.3", "1.0.0")
     wheel.touch()
     assert advise_extra("posecast-edge", "ros") == f"pip install '{wheel}[ros]'"
     there["posecast"] = Installed("posecast", None)

@@ -7,15 +7,25 @@ import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
 from posecast_wire.command_line.parser import CommandParser
 from posecast_wire.command_line.progress_bar import ProgressBar, show_countdown
 from posecast_wire.command_line.terminal import paint
+from posecast_wire.credential import Credential
 
 from posecast_edge.cli.doctor import examine_source
 from posecast_edge.cli.flags import add_robot_flags, limit_number, list_packages
+from posecast_edge.cli.settings import (
+    RELAY_HELP,
+    UsageError,
+    add_link_flags,
+    make_flag_adder,
+    read_proof,
+    read_route,
+)
 from posecast_edge.cli.source_stats import WATCH_MAX_S, observe_source
 from posecast_edge.kit import many
 from posecast_edge.model.builder.manifest import FINDINGS_MAX
@@ -42,6 +52,7 @@ from posecast_edge.profile.types import Profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.base import Discovering
 from posecast_edge.sources.registry import find_defaults, open_source
+from posecast_edge.uplink.route import check_endpoint
 
 DESCRIPTION = "robot_description"
 UP_AXIS_HELP = (
@@ -68,16 +79,16 @@ class _Parser(CommandParser):
 
 def run_command(argv: Sequence[str], environment: Mapping[str, str], program: str = "posecast-edge") -> int:
     """Run `model build …` or `doctor …` and return the exit status."""
-    parser = make_parser(program)
+    parser = make_parser(program, environment)
     file = None
     try:
         args = parser.parse_args(argv)
         file = args.urdf
-        if args.command == "doctor" and not (args.urdf or args.profile or args.source):
-            raise ModelRefused("doctor: give --urdf, --profile, --source, or several of them")
+        if args.command == "doctor" and not (args.urdf or args.profile or args.source or args.relay):
+            raise ModelRefused("doctor: give --urdf, --profile, --source, --relay, or several of them")
         packages = list_packages(args.package_path, environment)
         if args.command == "doctor":
-            return _doctor(args, packages)
+            return _doctor(args, packages, environment)
         return _build(args, packages, None if args.no_cache else find_cache_folder(environment))
     except ModelRefused as e:
         where = "" if file is None else f"{file}: " if e.line is None else f"{file}:{e.line}: "
@@ -85,7 +96,7 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str], program: st
     except ProfileError as e:
         for line in e.lines:
             _print(sys.stderr, f"{program}: {line}")
-    except SourceError as e:
+    except (SourceError, UsageError) as e:
         _print(sys.stderr, f"{program}: {e}")
     except BrokenPipeError:
         raise
@@ -94,8 +105,8 @@ def run_command(argv: Sequence[str], environment: Mapping[str, str], program: st
     return UNUSABLE
 
 
-def make_parser(program: str = "posecast-edge") -> CommandParser:
-    """The parser of both commands."""
+def make_parser(program: str = "posecast-edge", environment: Mapping[str, str] = {}) -> CommandParser:
+    """The parser of both commands. Flags of the doctor's link default to their variables in `environment`."""
     parser = _Parser(prog=program)
     parser.set_defaults(program=program)
     commands = parser.add_subparsers(dest="command", required=True, metavar="model|doctor")
@@ -107,7 +118,9 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
     build.add_argument("-o", "--out", type=Path, required=True, help="folder to write the model bundle to")
     build.add_argument("--no-cache", action="store_true", help="build again, even if a cached result exists")
     doctor = commands.add_parser(
-        "doctor", help="check a model, a profile or a source for problems", statuses=DOCTOR_STATUSES
+        "doctor",
+        help="check a model, a profile, a source or the way to a relay for problems",
+        statuses=DOCTOR_STATUSES,
     )
     doctor.add_argument("--urdf", type=Path, help="check this model: URDF, xacro, SDF or MJCF")
     doctor.add_argument("--profile", type=find_profile, help="check this profile, and that it fits the model")
@@ -118,10 +131,20 @@ def make_parser(program: str = "posecast-edge") -> CommandParser:
     doctor.add_argument(
         "--hz", type=limit_number(1, 60), default=30.0, help="frames a second you want, 1 to 60 (30)"
     )
+    # without its variable: `doctor --urdf` asks no relay
+    doctor.add_argument("--relay", type=_endpoint, help=f"check each step of the way to {RELAY_HELP}")
+    add_link_flags(make_flag_adder(doctor, environment, ()))
     for command in (build, doctor):
         add_robot_flags(command)
         command.add_argument("--up-axis", choices=UP_AXIS_MODES, default=AUTO, help=UP_AXIS_HELP)
     return parser
+
+
+def _endpoint(text: str) -> str:
+    try:
+        return check_endpoint(text)
+    except ValueError as e:
+        raise argparse.ArgumentTypeError(str(e)) from None
 
 
 def _explain_missing(error: ImportError) -> str:
@@ -134,7 +157,7 @@ def _explain_missing(error: ImportError) -> str:
     return f"the mesh tools can't be loaded: {str(first).strip().partition(chr(10))[0]}"
 
 
-def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
+def _doctor(args: argparse.Namespace, packages: Sequence[Path], environment: Mapping[str, str]) -> int:
     profile = load_profile(args.profile) if args.profile is not None else None
     robot = load_robot_file(args.urdf, packages, dict(args.xacro_arg)) if args.urdf is not None else None
     urdf = robot.urdf if robot is not None else None
@@ -147,6 +170,8 @@ def _doctor(args: argparse.Namespace, packages: Sequence[Path]) -> int:
         channels = sum(len(f.labels) for f in profile.fields)
         counts = f"{many(len(profile.fields), 'field')}, {many(channels, 'channel')}"
         _print(sys.stdout, f"{args.profile}: {counts}: {_counted(findings)}")
+    if args.relay is not None:
+        findings += _relay(args, environment)
     return PROBLEMS if any(f.severity != "hint" for f in findings) else CLEAN
 
 
@@ -194,6 +219,23 @@ def _source(args: argparse.Namespace, profile: Profile | None, urdf: Urdf | None
     _list(findings, lambda finding: str(args.urdf or DESCRIPTION) if finding.line else args.source)
     rate = f"{many(seen.samples, 'sample')}, {seen.rate_hz:.1f} a second"
     _print(sys.stdout, f"{args.source}: {rate}: {_counted(findings)}")
+    return findings
+
+
+def _relay(args: argparse.Namespace, environment: Mapping[str, str]) -> list[Finding]:
+    """Print each step of the way to the relay, up to the first that fails."""
+    from posecast_edge.uplink.diagnosis import check_credential, check_steps  # noqa: PLC0415 - loads Zenoh
+
+    proof, route = read_proof(args), read_route(args, environment)
+    robot = proof.robot if isinstance(proof, Credential) else args.robot
+    findings: list[Finding] = []
+    for step in chain(check_steps(route, proof), (check_credential(route, proof, robot) for _ in (1,))):
+        if step.failed:
+            findings.append(Finding("error", f"relay-{step.name.lower()}", step.text))
+            break
+        _print(sys.stdout, f"  {step.name:11}{step.text}")
+    _list(findings, lambda _: str(route))
+    _print(sys.stdout, f"{route}: {_counted(findings)}")
     return findings
 
 

@@ -18,7 +18,8 @@ from posecast_edge.model.urdf.types import AUTO, UP_AXIS_MODES
 from posecast_edge.profile.reader import find_profile
 from posecast_edge.sample import SourceError
 from posecast_edge.sources.registry import KINDS, split_spec
-from posecast_edge.uplink.credentials import Certificate, check_endpoint, read_credential
+from posecast_edge.uplink.credentials import Certificate, read_credential
+from posecast_edge.uplink.route import RelayRoute, check_endpoint, check_server_name, make_route, parse_proxy
 
 T = TypeVar("T")
 
@@ -28,6 +29,7 @@ STATUSES = {
     2: "wrong arguments, profile or model",
     130: "stopped by Ctrl-C before it ran",
 }
+RELAY_HELP = "the relay: tls/HOST:PORT, or tcp/127.0.0.1:PORT on this machine"
 SUCH = "KIND[:ADDRESS], such as demo, csv:log.csv or mujoco:arm.xml"
 
 
@@ -41,7 +43,7 @@ class Settings:
 
     robot: str
     source: str
-    relay: str
+    relay: RelayRoute
     hz: float
     key_interval_s: float
     profile: Path | None
@@ -73,7 +75,7 @@ def _source(text: str) -> str:
     return text
 
 
-def _proof(args: argparse.Namespace) -> Credential | Certificate | None:
+def read_proof(args: argparse.Namespace) -> Credential | Certificate | None:
     """How the robot proves its identity; None when it needs no proof, on the relay's own machine."""
     given: Credential | None = args.credential
     if args.tls_cert is None and args.tls_key is None and args.tls_ca is None:
@@ -90,6 +92,14 @@ def _proof(args: argparse.Namespace) -> Credential | Certificate | None:
     except ValueError as e:
         raise UsageError(f"--tls-cert, --tls-key, --tls-ca: {e}") from None
     return certificate
+
+
+def read_route(args: argparse.Namespace, environment: Mapping[str, str]) -> RelayRoute:
+    """How to reach the relay. Raises UsageError when flags don't fit together."""
+    try:
+        return make_route(args.relay, args.relay_name, args.proxy, environment)
+    except ValueError as e:
+        raise UsageError(str(e)) from None
 
 
 def _named(robot: str | None, credential: Credential | Certificate | None) -> str:
@@ -134,12 +144,10 @@ def _xacro_arguments(text: str) -> list[tuple[str, str]]:
     return [parse_xacro_argument(word) for word in text.split()]
 
 
-def add_run_flags(
-    parser: argparse.ArgumentParser,
-    environment: Mapping[str, str],
-    required: Sequence[str] = ("source", "relay"),
-) -> None:
-    """Add the flags of `run`; a flag that is not given defaults to its variable in `environment`."""
+def make_flag_adder(
+    parser: argparse.ArgumentParser, environment: Mapping[str, str], required: Sequence[str]
+) -> Callable[..., None]:
+    """A function that adds a flag, which defaults to its variable in `environment`."""
 
     def flag(name: str, parse: Callable[[str], object], text: str, default: object = None) -> None:
         variable = "POSECAST_" + name.upper().replace("-", "_")
@@ -153,9 +161,23 @@ def add_run_flags(
             help=f"{text} [{variable}]",
         )
 
+    return flag
+
+
+def add_link_flags(flag: Callable[..., None]) -> None:
+    """Add the flags of the link to a relay with a function of `make_flag_adder`."""
     flag("robot", _robot, "the robot's name in the link: a-z, 0-9 and -; default: the credential's")
-    flag("source", _source, f"{SUCH}; kinds: {', '.join(KINDS)}")
-    flag("relay", check_endpoint, "the relay: tls/HOST:PORT, or tcp/127.0.0.1:PORT on this machine")
+    flag(
+        "relay-name",
+        check_server_name,
+        "the name in the relay's certificate if --relay has another, such as that of a tunnel",
+    )
+    flag(
+        "proxy",
+        parse_proxy,
+        "connect through this HTTP proxy: http://[USER:PASSWORD@]HOST:PORT; default: HTTPS_PROXY, unless "
+        "NO_PROXY names the relay",
+    )
     # a file: everybody on the machine can read a secret on a command line
     flag("credential", read_credential, "file with the line that `posecast-relay robots add` printed")
     flag(
@@ -165,6 +187,18 @@ def add_run_flags(
     )
     flag("tls-key", Path, "the private key of --tls-cert (PEM)")
     flag("tls-ca", Path, "CA certificate (PEM) that signed the relay's; without it, the public CAs")
+
+
+def add_run_flags(
+    parser: argparse.ArgumentParser,
+    environment: Mapping[str, str],
+    required: Sequence[str] = ("source", "relay"),
+) -> None:
+    """Add the flags of `run`; a flag that is not given defaults to its variable in `environment`."""
+    flag = make_flag_adder(parser, environment, required)
+    flag("source", _source, f"{SUCH}; kinds: {', '.join(KINDS)}")
+    flag("relay", check_endpoint, RELAY_HELP)
+    add_link_flags(flag)
     flag("hz", limit_number(1, 60), "frames a second, 1 to 60 (30)", 30.0)
     flag(
         "key-interval",
@@ -202,11 +236,11 @@ def parse_settings(
         raise UsageError(f"give a command: `{program} run …`, or --help")
     if args.urdf and args.model:
         raise UsageError("give --urdf or --model, not both")
-    proof = _proof(args)
+    proof = read_proof(args)
     return Settings(
         _named(args.robot, proof),
         args.source,
-        args.relay,
+        read_route(args, environment),
         args.hz,
         args.key_interval,
         args.profile,

@@ -4,16 +4,18 @@ replaced while the agent runs. Knows nothing of Zenoh."""
 from __future__ import annotations
 
 import os
-import re
 import stat
 from codecs import BOM_UTF8
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from posecast_wire.credential import LINE_MAX, Credential
 
-from posecast_edge.kit import quote
+if TYPE_CHECKING:
+    import ssl
 
 
 @dataclass(frozen=True)
@@ -75,15 +77,22 @@ def _list_content(of: Credential) -> tuple[str, str, str | None]:
 Proof = Credential | Certificate
 
 
-ENDPOINT = re.compile(r"(tcp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
+def make_tls_context(proof: Proof | None) -> ssl.SSLContext:
+    """What TLS with the relay needs: whom to trust, and the robot's own certificate if it has one. Raises
+    OSError when the authority's file can't be read."""
+    import ssl  # noqa: PLC0415 - takes 5 MB, which an agent must not load just because the link is down
 
-
-def check_endpoint(text: str) -> str:
-    """Return `text` if it is a relay's endpoint, `tcp/HOST:PORT`. Raises ValueError, one line, otherwise."""
-    match = ENDPOINT.fullmatch(text)
-    if not match or not 0 < int(match[3]) < 65536:
-        raise ValueError(f"{quote(text)} is not an endpoint such as tcp/127.0.0.1:7447")
-    return text
+    if isinstance(proof, Certificate):
+        context = ssl.create_default_context(cafile=proof.ca)
+        with suppress(OSError):  # the files were valid when the agent started
+            context.load_cert_chain(proof.chain, proof.key, password="")
+        return context
+    if proof is None or proof.ca is None:
+        return ssl.create_default_context()
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    with suppress(ssl.SSLError):  # then nothing is trusted, which the handshake reports
+        context.load_verify_locations(cadata=proof.ca)
+    return context
 
 
 def read_credential(path: str) -> CredentialFile:

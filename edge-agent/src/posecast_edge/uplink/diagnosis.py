@@ -1,16 +1,23 @@
-"""Finds out why there is no link. Zenoh reports only a timeout, so this connects to the relay itself."""
+"""Finds out why there is no link. Zenoh reports only a timeout, so this connects to the relay itself, step by
+step: name, TCP or proxy, TLS, Zenoh, credential."""
 
 from __future__ import annotations
 
+import re
 import socket
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import zenoh
 from posecast_wire.credential import Credential
+from posecast_wire.keys import frame_key
 
-from posecast_edge.uplink.credentials import Certificate
-from posecast_edge.uplink.session import make_zenoh_config
+from posecast_edge.kit import make_visible
+from posecast_edge.uplink.credentials import Certificate, make_tls_context
+from posecast_edge.uplink.route import ProxyError, RelayRoute
+from posecast_edge.uplink.session import is_heard, make_zenoh_config
+from posecast_edge.uplink.tunnel import Tunnel
 
 if TYPE_CHECKING:
     import ssl
@@ -49,64 +56,103 @@ class RefusalPatience:
         return self._count >= SURE_AFTER and now_s - self._since_s >= SURE_AFTER_S
 
 
-def diagnose_link(relay: str, credential: Credential | Certificate | None) -> Diagnosis:
-    """Find out why there is no link to `relay`, a Zenoh endpoint such as `tls/host:port`."""
-    scheme, _, address = relay.partition("/")
-    host, _, port = address.rpartition(":")
-    host = host.strip("[]")
-    if scheme == "quic":
-        return Diagnosis("does not answer, or refuses this robot")
-    wrong = alert = None
+class Step(NamedTuple):
+    """A step on the way to the relay. `text`: what was found; if it `failed`, the rest of a sentence that
+    starts with the relay's name."""
+
+    name: str
+    text: str
+    failed: bool = False
+
+
+def check_steps(route: RelayRoute, credential: Credential | Certificate | None) -> Iterator[Step]:
+    """Go towards the relay, up to the first step that failed. The last one is that Zenoh answers; whether it
+    accepts this robot is not asked."""
+    asked = route.address if route.proxy is None else (route.proxy.host, route.proxy.port)
     try:
-        with socket.create_connection((host, int(port)), PATIENCE_S) as plain:
-            if scheme == "tls":
-                wrong, alert = shake_hands(plain, host, credential)
-                if wrong == NO_TLS and _is_web(host, int(port)):
-                    wrong = WEB
-            else:
-                wrong = _explain_answer(probe_port(plain), address)
+        found = socket.getaddrinfo(*asked, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):  # UnicodeError: an invalid host name
-        return Diagnosis("does not answer")
-    if wrong is not None:
-        return Diagnosis(wrong)
-    if alert is None and scheme == "tcp" and isinstance(credential, Credential) and _takes_anybody(relay):
+        whose = "its name" if route.proxy is None else "the proxy's name"
+        yield Step("name", f"can't be reached: {whose} {asked[0]} is unknown here", failed=True)
+        return
+    addresses = sorted({str(address[0]) for *_, address in found})
+    yield Step("name", f"{asked[0]} is {', '.join(addresses)}")
+    if route.scheme == "quic":
+        yield Step("QUIC", "not checked: it uses UDP")
+        return
+    hop = "TCP" if route.proxy is None else "proxy"
+    try:
+        with route.connect(PATIENCE_S) as plain:
+            yield Step(hop, f"{asked[0]} port {asked[1]} connects")
+            if route.scheme == "tls":
+                yield from _check_tls(plain, route, credential)
+            else:
+                yield from _check_tcp(plain, route)
+    except ProxyError as e:
+        yield Step("proxy", str(e), failed=True)
+    except (OSError, UnicodeError):
+        yield Step(hop, "does not answer", failed=True)
+
+
+def _check_tcp(plain: socket.socket, route: RelayRoute) -> Iterator[Step]:
+    answer = probe_port(plain)
+    wrong = None
+    if answer is None:
+        wrong = SILENT
+    elif is_http(answer):
+        wrong = WEB
+    elif is_tls(answer):
+        wrong = f"requires TLS: use tls/{route.endpoint.partition('/')[2]}"
+    yield Step("Zenoh", wrong or "answers", failed=wrong is not None)
+
+
+def diagnose_link(route: RelayRoute, credential: Credential | Certificate | None) -> Diagnosis:
+    """Find out why there is no link to the relay."""
+    for step in check_steps(route, credential):
+        if step.failed:
+            return Diagnosis(step.text)
+    if route.scheme == "quic":
+        return Diagnosis("does not answer, or refuses this robot")
+    if route.scheme == "tcp" and isinstance(credential, Credential) and _takes_anybody(route):
         return Diagnosis(
             "accepts robots without a credential, like a relay with --dev: remove the credential, or start "
             "the relay with --robots"
         )
-    return Diagnosis(_refusal(credential, alert), alert is None)
+    return Diagnosis(_refusal(credential), is_refusal=True)
 
 
-def _takes_anybody(relay: str) -> bool:
+def check_credential(
+    route: RelayRoute, credential: Credential | Certificate | None, robot: str | None
+) -> Step:
+    """Whether a relay that answers accepts this robot, asked by Zenoh. `robot`: its name; None if nothing
+    says it, so only the link is checked."""
+    warnings: list[str] = []
+    tunnel = Tunnel(route, warnings.append) if route.needs_tunnel else None
+    try:
+        endpoint = route.endpoint if tunnel is None else tunnel.open(credential)
+        with zenoh.open(make_zenoh_config(endpoint, credential)) as session:
+            if robot is None or is_heard(session, frame_key(robot, "public")):
+                who = "this robot" if robot is None else f"'{robot}'"
+                return Step("credential", f"accepts {who}")
+            return Step("credential", f"does not know {robot!r}, or the certificate has another name", True)
+    except zenoh.ZError:
+        return Step("credential", diagnose_link(route, credential).why, failed=True)
+    finally:
+        if tunnel is not None:
+            tunnel.close()
+
+
+def _takes_anybody(route: RelayRoute) -> bool:
     """Whether the relay accepts a robot without a credential: Zenoh refuses a password if none is needed."""
     try:
-        with zenoh.open(make_zenoh_config(relay, tries_once=True)):
+        with zenoh.open(make_zenoh_config(route.endpoint, tries_once=True)):
             return True
     except zenoh.ZError:
         return False
 
 
-def _is_web(host: str, port: int) -> bool:
-    """Whether a web server without TLS listens there."""
-    with socket.create_connection((host, port), PATIENCE_S) as plain:
-        return is_http(probe_port(plain))
-
-
-def _explain_answer(answer: bytes | None, address: str) -> str | None:
-    """What is wrong with a tcp/… endpoint that sends this answer; None when it may be a relay's."""
-    if answer is None:
-        return SILENT
-    if is_http(answer):
-        return WEB
-    return f"requires TLS: use tls/{address}" if is_tls(answer) else None
-
-
-def _refusal(credential: Credential | Certificate | None, alert: str | None) -> str:
+def _refusal(credential: Credential | Certificate | None) -> str:
     """Why a relay that answers refuses this robot."""
-    if alert == "certificate required":
-        return "requires a certificate from this robot: give --tls-cert and --tls-key"
-    if alert is not None:
-        return f"refuses this robot's certificate: {alert}"
     if credential is None:
         return "answers, but refuses this robot: " + CREDENTIAL + "?"
     if isinstance(credential, Certificate):
@@ -154,26 +200,36 @@ def is_tls(answer: bytes | None) -> bool:
 
 NO_TLS = "does not speak TLS: is it a tcp/… endpoint?"
 ALERT_S = 1.0  # in TLS 1.3, the relay rejects our certificate only after the handshake
+ALERT = re.compile(r"(?:\S+_ALERT|TLSV1)_(.+)")  # OpenSSL's names for what the other side said
 
 
-def shake_hands(
-    plain: socket.socket, host: str, credential: Credential | Certificate | None
-) -> tuple[str | None, str | None]:
-    """Try a TLS handshake on a connected socket. Returns (what is wrong with the relay's TLS, why the relay
-    rejects our certificate), each None if fine. Raises OSError when the relay does not answer."""
+def _check_tls(
+    plain: socket.socket, route: RelayRoute, credential: Credential | Certificate | None
+) -> Iterator[Step]:
+    """Shake hands on a connected socket, and listen for what the relay says of our certificate."""
     import ssl  # noqa: PLC0415
 
     try:
-        with _trust(credential).wrap_socket(plain, server_hostname=host) as link:
-            return _hear(link)
+        with make_tls_context(credential).wrap_socket(plain, server_hostname=route.expected_name) as link:
+            yield Step("TLS", f"{link.version()}, {_describe(link.getpeercert())}")
+            yield _hear(link)
     except ssl.SSLCertVerificationError as e:
-        return f"has a certificate that can't be trusted: {e.verify_message.lower()}", None
-    except ssl.SSLError:
-        return NO_TLS, None
+        yield Step("TLS", _explain_untrusted(route, e.verify_message), failed=True)
+    except ssl.SSLError as e:
+        alert = _find_alert(e)
+        if alert is None:
+            yield Step("TLS", WEB if _is_web(route) else NO_TLS, failed=True)
+        else:
+            yield Step("TLS", _explain_alert(route, alert), failed=True)
+    except TimeoutError:
+        yield Step("TLS", SILENT, failed=True)
+    except OSError:
+        text = "ends the connection instead of speaking TLS: a firewall, or the wrong port?"
+        yield Step("TLS", text, failed=True)
 
 
-def _hear(link: ssl.SSLSocket) -> tuple[str | None, str | None]:
-    """Like shake_hands, for an established link. An alert is returned in TLS's own words."""
+def _hear(link: ssl.SSLSocket) -> Step:
+    """What the relay says after the handshake."""
     import ssl  # noqa: PLC0415
 
     link.settimeout(ALERT_S)
@@ -181,26 +237,92 @@ def _hear(link: ssl.SSLSocket) -> tuple[str | None, str | None]:
         link.recv(1)  # read first: if the relay closed on data from us, its alert could be lost
     except TimeoutError:  # it waits for our data
         with suppress(OSError):
-            return (WEB if is_http(probe_port(link)) else None), None
+            if is_http(probe_port(link)):
+                return Step("Zenoh", WEB, failed=True)
     except ssl.SSLError as e:
-        _, alert, words = (e.reason or "").partition("ALERT_")
-        return None, words.replace("_", " ").lower() if alert else None
+        alert = _find_alert(e)
+        if alert == "certificate required":
+            needs = "requires a certificate from this robot: give --tls-cert and --tls-key"
+            return Step("credential", needs, failed=True)
+        if alert is not None:
+            return Step("credential", f"refuses this robot's certificate: {alert}", failed=True)
     except OSError:  # it closed the connection
         pass
-    return None, None
+    return Step("Zenoh", "answers")
 
 
-def _trust(credential: Credential | Certificate | None) -> ssl.SSLContext:
+def _is_web(route: RelayRoute) -> bool:
+    """Whether a web server without TLS listens there."""
+    with suppress(OSError), route.connect(PATIENCE_S) as plain:
+        return is_http(probe_port(plain))
+    return False
+
+
+def _find_alert(error: ssl.SSLError) -> str | None:
+    """The other side's alert in TLS's own words; None if it sent none."""
+    match = ALERT.fullmatch(error.reason or "")
+    return match and match[1].replace("_", " ").lower()
+
+
+def _explain_alert(route: RelayRoute, alert: str) -> str:
+    host = route.expected_name
+    text = f"speaks TLS, but refuses connections to {host} ({alert})"
+    if re.fullmatch(r"[0-9.]+|.*:.*", host):  # TLS sends names only
+        return f"{text}: use its name instead of an address, or give the name with --relay-name"
+    return f"{text}: use a name in its certificate"
+
+
+def _explain_untrusted(route: RelayRoute, why: str) -> str:
+    """Why the certificate is not trusted, and whose it is."""
+    text = f"has a certificate that can't be trusted: {why.lower().rstrip('.')}"
+    with suppress(OSError, ValueError, UnicodeError):
+        text += f". It is the {_describe(_fetch_certificate(route))}"
+    if route.proxy is not None:
+        text += ". Is it the proxy's? A proxy must not open this connection"
+    return text
+
+
+def _fetch_certificate(route: RelayRoute) -> dict[str, Any] | None:
+    """The relay's certificate, unverified. Python decodes only what it has verified: so it is fetched, and
+    then trusted on a second connection, on which nothing is sent."""
     import ssl  # noqa: PLC0415
 
-    if isinstance(credential, Certificate):
-        context = ssl.create_default_context(cafile=credential.ca)
-        with suppress(OSError):  # the files were valid when the agent started
-            context.load_cert_chain(credential.chain, credential.key, password="")
+    def make_context() -> ssl.SSLContext:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.check_hostname = False
         return context
-    if credential is None or credential.ca is None:
-        return ssl.create_default_context()
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    with suppress(ssl.SSLError):  # then nothing is trusted, which the handshake reports
-        context.load_verify_locations(cadata=credential.ca)
-    return context
+
+    first = make_context()
+    first.verify_mode = ssl.CERT_NONE
+    with (
+        route.connect(PATIENCE_S) as plain,
+        first.wrap_socket(plain, server_hostname=route.expected_name) as link,
+    ):
+        found = link.getpeercert(binary_form=True)
+    second = make_context()
+    second.verify_flags |= ssl.VerifyFlags.VERIFY_X509_PARTIAL_CHAIN
+    second.load_verify_locations(cadata=found or b"")
+    with (
+        route.connect(PATIENCE_S) as plain,
+        second.wrap_socket(plain, server_hostname=route.expected_name) as link,
+    ):
+        return link.getpeercert()
+
+
+NAMES_MAX = 4
+
+
+def _describe(certificate: dict[str, Any] | None) -> str:
+    """Whose certificate it is, in the form of ssl.SSLSocket.getpeercert, and who issued it."""
+    if not certificate:
+        return "certificate of an unknown name"
+    names = [name for _, name in certificate.get("subjectAltName", ())] or [_name(certificate["subject"])]
+    shown = ", ".join(names[:NAMES_MAX]) + (", …" if len(names) > NAMES_MAX else "")
+    text = f"certificate of {shown}, issued by {_name(certificate['issuer'])}"
+    return make_visible(f"{text}, valid until {certificate['notAfter']}", 300)
+
+
+def _name(of: Any) -> str:
+    """The common name of a subject or issuer, or else its organisation's."""
+    parts = dict(part for group in of for part in group)
+    return str(parts.get("commonName") or parts.get("organizationName") or "nobody")

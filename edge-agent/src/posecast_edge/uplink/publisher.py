@@ -36,7 +36,9 @@ from posecast_edge.model.serve.bundle import Bundle
 from posecast_edge.pipeline.events import Event
 from posecast_edge.uplink.credentials import Certificate, Proof
 from posecast_edge.uplink.lateness import LATE_S, EchoWatch, News
+from posecast_edge.uplink.route import RelayRoute
 from posecast_edge.uplink.session import RETRY_MS, ModelServer, ProofRotation, Run, make_zenoh_config
+from posecast_edge.uplink.tunnel import Tunnel
 
 if TYPE_CHECKING:
     from posecast_edge.pipeline.stream import Frame
@@ -62,7 +64,7 @@ class ZenohPublisher:
         self,
         robot: str,
         views: Sequence[str],
-        relay: str,
+        relay: RelayRoute,
         *,
         snapshot: Callable[[str], Snapshot | None],
         heard: Callable[[str], None],
@@ -77,6 +79,7 @@ class ZenohPublisher:
         self._watch = EchoWatch(self.run.id)
         self._news = News()
         self._robot, self._relay, self._credential = robot, relay, credential
+        self._tunnel = Tunnel(relay, log.warning) if relay.needs_tunnel else None
         self._warned = ""  # why there is no link
         self._patience: RefusalPatience | None = None  # made by the first diagnosis
         self._view_publishers = {
@@ -87,7 +90,7 @@ class ZenohPublisher:
         }
         self._measured = views[0]
         self._rotation = ProofRotation(
-            relay,
+            self._find_endpoint,
             credential,
             frame_key(robot, views[0]),
             lambda: self.connected,
@@ -153,6 +156,8 @@ class ZenohPublisher:
         self._model_server.close()
         self._rotation.stop()
         self._thread.join(timeout_s)
+        if self._tunnel is not None:
+            self._tunnel.close()
 
     def wait_for_end(self, timeout_s: float) -> None:
         """After `stop`: wait for threads that may still be in a Zenoh call, at most `timeout_s` seconds."""
@@ -257,7 +262,7 @@ class ZenohPublisher:
             if newer is not None:
                 return newer
             try:
-                return zenoh.open(make_zenoh_config(self._relay, self._credential))
+                return zenoh.open(make_zenoh_config(self._find_endpoint(self._credential), self._credential))
             except zenoh.ZError:  # it always reports a timeout
                 if not self._stopping:
                     self._diagnose()
@@ -267,12 +272,18 @@ class ZenohPublisher:
                 self._wake.wait_for(lambda: self._stopping, RETRY_MS[0] / 1000)
         return None
 
+    def _find_endpoint(self, proof: Proof | None) -> str:
+        """Where Zenoh reaches the relay with this proof. Raises OSError when there is no place for a
+        tunnel's socket."""
+        return self._relay.endpoint if self._tunnel is None else self._tunnel.open(proof)
+
     def _diagnose(self) -> None:
         """Find out why there is no link, and log it once, and again when the reason changes."""
-        from posecast_edge.uplink.diagnosis import RefusalPatience, diagnose_link  # noqa: PLC0415 - few runs ever need it
+        from posecast_edge.uplink.diagnosis import Diagnosis, RefusalPatience, diagnose_link  # noqa: PLC0415 - few runs ever need it
 
         try:
-            found = diagnose_link(self._relay, self._credential)
+            refusal = "" if self._tunnel is None else self._tunnel.refusal
+            found = Diagnosis(refusal) if refusal else diagnose_link(self._relay, self._credential)
             self._patience = self._patience or RefusalPatience()
             if self._patience.is_sure(found, time.monotonic()):
                 self._warn_once(found.why)

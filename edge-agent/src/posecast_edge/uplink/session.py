@@ -38,6 +38,8 @@ class Run:
 
 
 OPEN_MS = 2000  # one attempt; between attempts the thread checks whether to stop
+TUNNEL_OPEN_MS = 6000  # through a tunnel, where a proxy may have to check a login
+TUNNEL = "unixsock-stream/"
 LEASE_MS = 2500  # after this long without a sign of life, the relay considers the agent gone
 # first and longest; quick at first: a relay that adds a robot reopens within milliseconds
 RETRY_MS = (25, 1000)
@@ -48,7 +50,8 @@ HEARD_BYTES_MAX = 1 << 18  # per message to the agent, which receives only queri
 
 def make_zenoh_config(relay: str, credential: Proof | None = None, tries_once: bool = False) -> zenoh.Config:
     """A Zenoh client that connects only to this relay and discovers nobody else. `relay`: an endpoint,
-    `tcp/host:port`. `tries_once`: try to connect once, instead of repeatedly for OPEN_MS."""
+    `tcp/host:port`, or that of a tunnel. `tries_once`: try to connect once, instead of repeatedly for
+    OPEN_MS."""
     link: dict[str, object] = {
         "tx": {"lease": LEASE_MS, "keep_alive": 4, "batch_size": BATCH_BYTES},
         "rx": {"max_message_size": HEARD_BYTES_MAX},
@@ -63,14 +66,15 @@ def make_zenoh_config(relay: str, credential: Proof | None = None, tries_once: b
         if credential.ca is not None:  # otherwise the public authorities
             ca = base64.b64encode(credential.ca.encode()).decode()
             link["tls"] = {"root_ca_certificate_base64": ca}
-    endpoint = relay if relay.startswith("quic/") else f"{relay}#so_sndbuf={SNDBUF_BYTES}"
-    first_ms = OPEN_MS if tries_once else RETRY_MS[0]
+    endpoint = relay if relay.startswith(("quic/", TUNNEL)) else f"{relay}#so_sndbuf={SNDBUF_BYTES}"
+    open_ms = TUNNEL_OPEN_MS if relay.startswith(TUNNEL) else OPEN_MS
+    first_ms = open_ms if tries_once else RETRY_MS[0]
     retry = {"period_init_ms": first_ms, "period_max_ms": RETRY_MS[1], "period_increase_factor": 2}
     return zenoh.Config.from_json5(
         json.dumps(
             {
                 "mode": "client",
-                "connect": {"endpoints": [endpoint], "timeout_ms": OPEN_MS, "retry": retry},
+                "connect": {"endpoints": [endpoint], "timeout_ms": open_ms, "retry": retry},
                 "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
                 "transport": {"link": link, "auth": auth, "shared_memory": {"enabled": False}},
             }
@@ -78,12 +82,25 @@ def make_zenoh_config(relay: str, credential: Proof | None = None, tries_once: b
     )
 
 
+LISTENER_S = 2.0  # with a wrong name in a valid certificate, the link opens but the relay does not listen
+POLL_S = 0.01
+
+
+def is_heard(session: zenoh.Session, key: str, gives_up: Callable[[], bool] = lambda: False) -> bool:
+    """Whether the relay listens to messages with this key, or starts to within LISTENER_S."""
+    probe = session.declare_publisher(key)
+    until_s = time.monotonic() + LISTENER_S
+    while not probe.matching_status.matching:  # type: ignore[attr-defined]
+        if gives_up() or time.monotonic() > until_s:
+            return False
+        time.sleep(POLL_S)
+    return True
+
+
 # --- a new credential, while the agent runs: a second session, which takes over once the relay listens to it
 
 LOOK_S = 1.0
 AGAIN_S = 60.0  # the relay counts and may log each failed attempt
-LISTENER_S = 2.0  # with a wrong name in a valid certificate, the link opens but the relay does not listen
-POLL_S = 0.01
 
 
 class ProofRotation:
@@ -91,16 +108,17 @@ class ProofRotation:
 
     def __init__(
         self,
-        relay: str,
+        endpoint_for: Callable[[Proof | None], str],
         proof: Proof | None,
         key: str,
         is_linked: Callable[[], bool],
         opened: Callable[[], None],
         exceptions: ExceptionLog,
     ) -> None:
-        """`key`: the relay listens on it to robots that it accepts; `is_linked`: whether the link with the
-        old credential is up; `opened` is called when a session is ready to `take`."""
-        self._relay, self._key = relay, key
+        """`endpoint_for`: where Zenoh reaches the relay with a credential; `key`: the relay listens on it to
+        robots that it accepts; `is_linked`: whether the link with the old credential is up; `opened` is
+        called when a session is ready to `take`."""
+        self._endpoint_for, self._key = endpoint_for, key
         self._is_linked, self._opened = is_linked, opened
         self._exceptions = exceptions
         self._watcher = ProofWatcher(proof, log.warning)
@@ -184,17 +202,13 @@ class ProofRotation:
     def _open(self, proof: Proof, tries_once: bool) -> zenoh.Session | None:
         """A session that the relay listens to; None when it does not listen."""
         try:
-            session = zenoh.open(make_zenoh_config(self._relay, proof, tries_once))
+            session = zenoh.open(make_zenoh_config(self._endpoint_for(proof), proof, tries_once))
         except zenoh.ZError:
             return None
-        probe = session.declare_publisher(self._key)
-        until_s = time.monotonic() + LISTENER_S
-        while not probe.matching_status.matching:  # type: ignore[attr-defined]
-            if self._stopping or time.monotonic() > until_s:
-                session.close()  # type: ignore[no-untyped-call]
-                return None
-            time.sleep(POLL_S)
-        return session
+        if is_heard(session, self._key, lambda: self._stopping):
+            return session
+        session.close()  # type: ignore[no-untyped-call]
+        return None
 
 
 # --- queries about the model

@@ -144,6 +144,7 @@ class RelayCollector(Collector):
         yield _gauge(
             "posecast_ceiling_hz", "Highest frame rate that overload allows; +Inf = no limit", ceiling_hz
         )
+        yield _gauge("posecast_io_uring", "Whether frames are sent with io_uring", int(live.has_ring))
         yield _gauge("posecast_tasks", "Tasks on the event loop", live.tasks)
         yield _histogram(
             "posecast_frame_lateness_seconds", "Delay from robot to relay, above the lowest", hub.lateness

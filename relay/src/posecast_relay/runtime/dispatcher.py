@@ -182,6 +182,11 @@ class Dispatcher:
         self.handshakes: Counter[str] = Counter()
         self.faults: Counter[str] = Counter()  # of the relay's own code, by the error's type
 
+    @property
+    def has_ring(self) -> bool:
+        """Whether frames are sent with io_uring."""
+        return self._fan_out.has_ring
+
     @staticmethod
     def now() -> float:
         """Return the core's clock in seconds: one for all processes of a machine, and never set. The

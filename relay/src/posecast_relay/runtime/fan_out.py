@@ -170,6 +170,11 @@ class FanOut:
     def __init__(self, ring: IoUring | None) -> None:
         self._ring = ring
 
+    @property
+    def has_ring(self) -> bool:
+        """Whether it writes with io_uring."""
+        return self._ring is not None
+
     def write(self, data: bytes, viewers: Sequence[Viewer]) -> list[tuple[Viewer, Exception]]:
         """Write to at most SLICE viewers. Return those for which that failed, with the error.
 

@@ -112,7 +112,7 @@ def make_access(
     """Make the access control of a process. Raises StartError if accounts can't be verified."""
     store, source = ports
     addresses = Addresses(settings.max_per_address, settings.trusted_proxies)
-    given = (hub, delayed, store, FanOut(_ring()), source)
+    given = (hub, delayed, store, FanOut(_open_ring(settings)), source)
     has_past = settings.past is not None
     if robots is None:
         return open_access(*given, addresses=addresses, has_past=has_past)
@@ -161,10 +161,11 @@ def _accounts(settings: Settings) -> Accounts | None:
     return Firebase(settings.firebase_project, settings.firebase_revoked)
 
 
-def _ring() -> IoUring | None:
+def _open_ring(settings: Settings) -> IoUring | None:
     ring = IoUring.open()
-    log.info(
-        "frames are sent %s",
-        "with io_uring" if ring else "with one write() each: io_uring is not allowed here",
-    )
+    if ring is None:
+        log.log(
+            logging.INFO if settings.dev else logging.WARNING,  # --dev: nobody plans a crowd
+            "io_uring is not allowed here: plan for 1,900 viewers per core at 30 Hz instead of 2,400",
+        )
     return ring

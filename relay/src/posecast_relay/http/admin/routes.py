@@ -301,7 +301,9 @@ def _require_allowed_address(access: Access, sources: AdminSources, request: Req
         forwarded = join_all(headers.getlist("x-forwarded-for"))
         asker = find_asker(peer, forwarded, access.addresses.trusted)
         if asker is None or not any(asker in network for network in admin.networks):
-            raise HTTPException(403, "only from the relay's machine or the networks of [admin]", PRIVATE)
+            who = "" if asker is None else f", not from {asker}"
+            where = "only from the relay's machine or the networks of [admin]"
+            raise HTTPException(403, f"{where}{who}: see `robots admin --networks`", PRIVATE)
     return admin
 
 

@@ -16,9 +16,10 @@ WHOLE = "posecast"  # the distribution that contains all the others
 PART = "posecast-wire"
 
 
-def find_version() -> str:
-    """Return the version of the programs, which are released together."""
-    found = _find(WHOLE) or _find(PART)
+def find_version(program: str = PART) -> str:
+    """Return the version of a program such as posecast-relay: that of `posecast`, which contains all of them,
+    or else of the program's own distribution."""
+    found = _find(WHOLE) or _find(program) or _find(PART)
     return "unknown" if found is None else found.version
 
 

@@ -96,5 +96,5 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from posecast_wire.command_line.installation import find_version  # noqa: PLC0415
 
-        print(f"{parser.prog} {find_version()}")
+        print(f"{parser.prog} {find_version(parser.prog.partition(' ')[0])}")
         parser.exit()
