@@ -137,6 +137,7 @@ def test_nginx_serves_the_page_with_its_headers(site: Callable[..., Site], tmp_p
         ("/embed/demo", "no-cache", "*"),
         ("/embed/hubo", "no-cache", "'self' https://course.example"),
         ("/embed/g1", "no-cache", "'self'"),
+        ("/embed/hubo/", "no-cache", "'self' https://course.example"),
         ("/guide/gallery.html", "no-cache", "'none'"),
         ("/guide/gallery/knee/embed/index.html", "no-cache", "'self'"),
     ):
@@ -162,7 +163,6 @@ def test_nginx_serves_the_page_with_its_headers(site: Callable[..., Site], tmp_p
         "/nothing",
         "/.vite/manifest.json",
         "/embed/UP",
-        "/embed/demo/",
         "/index.html.br",
         "/index.html.gz",
         "/docs/",

@@ -302,7 +302,7 @@ def test_a_frames_page_says_which_pages_may_frame_its_robot(relays: Any, page: P
     base = f"http://{relays('--static', str(page), '--robots', str(robots), *listed).address}"
 
     def ancestors(path: str, **headers: str) -> str:
-        answer = httpx.get(base + path, headers=headers)
+        answer = httpx.get(base + path, headers=headers, follow_redirects=True)
         assert answer.status_code == 200, path
         assert "<title>page" in answer.text
         assert answer.headers["cache-control"] == "no-cache"
@@ -321,7 +321,10 @@ def test_a_frames_page_says_which_pages_may_frame_its_robot(relays: Any, page: P
     # none is named, where the fragment may name any: /embed/, and what is hidden is as what is not there
     for asked in ("/embed/", "/embed/index.html", "/embed/lab", "/embed/no-such", "/embed/%6cab"):
         assert ancestors(asked) == hidden, asked
-    for asked in ("/", "/embed//", "/embed/lab/"):
+    slashed = httpx.get(f"{base}/embed/open/?gestures=all")
+    assert (slashed.status_code, slashed.headers["location"]) == (307, "../open?gestures=all")
+    assert ancestors("/embed/course/") == "'self' https://course.example"
+    for asked in ("/", "/embed//", "/embed/lab//"):
         answer = httpx.get(base + asked)
         found = answer.headers.get("content-security-policy", "")
         assert answer.status_code == 404 or found.endswith("frame-ancestors 'none'"), asked

@@ -1,7 +1,7 @@
 import { describe, expect, it } from 'vitest';
 import type { Page } from './driver/page.ts';
 import { until } from './driver/until.ts';
-import { liveness, renderedFrames, shownSeq } from './robot_page.ts';
+import { liveness, openNotices, renderedFrames, shownSeq } from './robot_page.ts';
 import { setStage } from './stage.ts';
 
 const stage = setStage();
@@ -54,6 +54,7 @@ describe('a WebGL context that is lost', () => {
     );
     expect(length, 'one canvas').toBe(1);
     expect(await liveness(page)).toBe('LIVE');
+    await openNotices(page);
     await page.findByRole('button', 'Try 3D again').click();
     await until('3D again', async () => /^(pixels|detail)?$/.test(await trouble(page)));
     await until(

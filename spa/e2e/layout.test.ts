@@ -1,4 +1,4 @@
-import { cpSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { rmSync } from 'node:fs';
 import path from 'node:path';
 import { expect, it, onTestFinished } from 'vitest';
 import { moreKo } from '../src/app/text/ko.ts';
@@ -9,8 +9,9 @@ import { until } from './driver/until.ts';
 import { exportPast } from './exported.ts';
 import { Host } from './host.ts';
 import { tooSmall } from './layout/legible.ts';
+import { CHOSEN, noticedRobot, openNoticed } from './layout/noticed.ts';
 import { type Language, lookEverywhere, SIZES, Wrongs } from './layout/sizes.ts';
-import { chipText, holds, is, there } from './robot_page.ts';
+import { holds, is, there } from './robot_page.ts';
 import { DEMO, demoAt } from './sign_words.ts';
 import { FULL, setStage } from './stage.ts';
 
@@ -23,43 +24,15 @@ const PLAYED = SIZES.filter(({ width }) =>
 const NARROW = PLAYED.filter(({ width }) => width < 400);
 const TWO = PLAYED.filter(({ width }) => width === 390 || width === 1366 || width === 1440).slice(0, 2);
 
-/** Light view: the same notes, and cheap pictures. */
-const SETTINGS = {
-  body: 'light',
-  load: 'cur',
-  shown: 'both',
-};
-const CHOSEN = `try { localStorage.setItem('posecast.settings', ${JSON.stringify(JSON.stringify(SETTINGS))}) } catch {}`;
-
 /** A browser with data saving on prefetches nothing, so a part is missing once the relay is unreachable. */
 const SAVES_DATA = `Object.defineProperty(navigator, 'connection', { value: { saveData: true } })`;
-
-/** The demo robot's model, with as many problems in its manifest as possible. */
-function faultyModel(): string {
-  const folder = path.join(stage.stack.folder(), 'model');
-  cpSync(DEMO.model, folder, { recursive: true });
-  const file = path.join(folder, 'manifest.json');
-  const manifest = JSON.parse(readFileSync(file, 'utf8'));
-  manifest.missing = ['Body_RWP', 'Body_Head', 'Body_LAR'].map((name) => ({
-    uri: `package://demo/${name}.stl`,
-    reason: 'not found',
-  }));
-  manifest.findings = [12, 48, 120].map((line) => ({
-    ...{ severity: 'warning', line },
-    text: "joint 'tilt' is revolute and has no <limit>: a viewer can't tell how far it may go",
-  }));
-  writeFileSync(file, JSON.stringify(manifest));
-  return folder;
-}
 
 const has = (page: Page, id: string) => until(id, there(page, id));
 const tab = (page: Page, name: string) => page.evaluate(`document.getElementById('tab-${name}').click()`);
 
 it('nothing on the page of a robot lies over anything else, whatever there is to say', async () => {
-  const relay = await stage.stack.relay({ viewFrames: 7 }); // so that it exceeds its share
-  const still = demoAt(42);
-  const demo = { ...still, wave: { pos: { RSP: [0.2, 0.2] } } };
-  const { source } = stage.stack.fedEdge(relay, demo, { ...DEMO, model: faultyModel() });
+  const robot = await noticedRobot(stage.stack);
+  const { relay, source } = robot;
   const page = await stage.newPage({ preload: `${CHOSEN};${SAVES_DATA}`, media: { motion: 'reduce' } });
   const wrongs = new Wrongs();
   onTestFinished(() => console.info(wrongs.lines.join('\n')));
@@ -70,14 +43,7 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
       `document.querySelector('[data-testid=view-note]').firstChild.data = ${JSON.stringify(words)}`,
     );
   };
-  await page.open(`${relay.url}/?as=anyone#/r/demo`);
-  await has(page, 'model-findings');
-  for (const id of ['model-note', 'load-legend', 'signs', 'as-anyone', 'level', 'filter', 'acknowledge'])
-    await has(page, id);
-  await until('a joint', holds(page, 'document.querySelector("tr[data-label=WST]") !== null'));
-  source.write(JSON.stringify({ ...demo, pos: { ...still.pos, WST: null, NKY: null } }));
-  await has(page, 'unread-note');
-  await until('too much', async () => /too much/.test(await chipText(page)));
+  await openNoticed(page, robot);
   await lookEverywhere(page, 'LIVE', wrongs, NARROW, slow);
   source.signal('SIGSTOP'); // a moving robot is redrawn all the time, which would slow down every size
   await until('STALE', is(page, 'STALE'));
@@ -120,7 +86,6 @@ it('nothing on the page of a robot lies over anything else, whatever there is to
   );
   await page.press('?'); // a part that has not been loaded yet
   await has(page, 'not-here');
-  await page.evaluate(`document.querySelector('[data-testid="model-findings"] summary').click()`);
   await lookEverywhere(page, 'no connection', wrongs, PLAYED, slow);
   page.forgive(/WebSocket|ERR_CONNECTION|Failed to (load|fetch)/);
   expect(wrongs.lines).toEqual([]);

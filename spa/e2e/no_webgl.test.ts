@@ -52,7 +52,7 @@ describe('a browser without 3D', () => {
         page,
         `(() => {
         const { scene } = window.posecast;
-        const { bottom, height } = document.querySelector('[data-testid="view-note"]').getBoundingClientRect();
+        const { bottom, height } = document.querySelector('.notices').getBoundingClientRect();
         const { top } = document.querySelector('[data-testid="scene"] canvas').getBoundingClientRect();
         return height > 0 && top + (scene.topOf(scene.robots[0])?.y ?? 0) > bottom;
       })()`,

@@ -130,14 +130,16 @@ it('a moment has its link while presented, and one that can’t be shown is name
   ] as const) {
     await page.viewport({ width, height });
     await until(
-      `the banner at ${width} px`,
+      `the chip's clock and the frame at ${width} px, once`,
       holds(
         page,
         `(() => {
-        const note = ${testId('stage-note')};
-        const { left, right, top, height } = note.getBoundingClientRect();
+        const chip = ${testId('liveness')};
+        const { left, right, top, height } = chip.getBoundingClientRect();
         const on = document.elementFromPoint((left + right) / 2, top + height / 2);
-        return innerWidth === ${width} && /^The past: \\d\\d:\\d\\d:\\d\\d · .* ago/.test(note.textContent) && note.contains(on);
+        const frame = getComputedStyle(document.querySelector('.split-body'), '::after').borderTopWidth;
+        return innerWidth === ${width} && /^PAST\\d\\d:\\d\\d:\\d\\d/.test(chip.textContent) && chip.contains(on)
+          && frame === '2px' && !${testId('stage-note')}.checkVisibility();
       })()`,
       ),
     );
@@ -154,7 +156,12 @@ it('a moment has its link while presented, and one that can’t be shown is name
   const link = (t: string) => `${relay.url}/#/r/demo?t=${t}`;
   const old = /[123] Jan (2026 )?.*is no longer kept; this is the oldest moment, \d\d:\d\d:\d\d/;
   await page.open(link('2026-01-02T12:00:00.000Z'));
-  await until('the banner names it', async () => old.test(await text('stage-note')));
+  await page.viewport({ width: 390, height: 844 });
+  await until(
+    'the banner names it, on a phone too',
+    async () =>
+      old.test(await text('stage-note')) && holds(page, `${testId('stage-note')}.checkVisibility()`)(),
+  );
   expect(await text('past-note')).toMatch(old);
   await page.open('about:blank');
   await page.open(link('2199-01-02T12:00:00.000Z'));

@@ -63,6 +63,20 @@ export const RECORD = `(() => {
   });
 })()`;
 
+/** Opens the notices about the picture, once there are some. */
+export const openNotices = (page: Page) =>
+  until(
+    'notices',
+    holds(
+      page,
+      `(() => {
+      const notices = document.querySelector('.notices');
+      if (notices?.dataset.open === 'false') notices.querySelector('button').click();
+      return notices?.dataset.open === 'true';
+    })()`,
+    ),
+  );
+
 /** All states of the chips, oldest first. */
 export function chips(page: Page): Promise<ChipChange[]> {
   return page.evaluate<ChipChange[]>('window.recorded.chips');

@@ -152,7 +152,9 @@ describe('the sheet', () => {
 
   it('has three heights', () => {
     expect(heightPx('peek', room)).toBe(PEEK_PX);
-    expect(heightPx('half', room)).toBe(340);
+    expect(heightPx('half', room)).toBe(294);
+    expect(heightPx('half', 172), 'the tabs and a row').toBe(168);
+    expect(heightPx('half', 100)).toBe(100);
     expect(heightPx('full', room)).toBe(room);
   });
 
@@ -163,7 +165,7 @@ describe('the sheet', () => {
     expect(restingHeight(150, 1, room)).toBe('half');
     expect(restingHeight(400, 1, room)).toBe('full');
     expect(restingHeight(500, -1, room)).toBe('half');
-    expect(restingHeight(300, -1, room)).toBe('peek');
+    expect(restingHeight(290, -1, room)).toBe('peek');
   });
 
   it('goes on to the next when tapped', () => {

@@ -40,6 +40,8 @@ describe('scales', () => {
     expect(scaleIn(30 * MIN, null)).toBe(ALL);
     expect(scaleIn(3 * HOUR, null)).toBe(ALL);
     expect(scaleIn(30 * DAY, null)).toBe(3 * HOUR);
+    expect(scaleIn(25 * MIN, null, true), 'on a phone').toBe(5 * MIN);
+    expect(scaleIn(5 * MIN, null, true)).toBe(ALL);
   });
 
   it('stay what was chosen as far as there is such', () => {

@@ -153,6 +153,8 @@ FOR_ISOLATED = {
 FRAMES = "frame-ancestors 'none'"  # browsers accept this only in a header
 # the page's entry for frames: /embed/ROBOT, or /embed/, where only the fragment names the robot
 EMBED = re.compile(r"/embed/(?:index\.html)?(?P<robot>[a-z0-9][a-z0-9-]{0,62})?")
+# content management systems add a slash; the page's files are relative to the address without it
+SLASHED = re.compile(r"/embed/(?P<robot>[a-z0-9][a-z0-9-]{0,62})/")
 # headers removed from such an answer: the policy can change without the file, so it must not be cached
 NOT_FRAMED = ("x-frame-options", "etag", "last-modified")
 
@@ -178,6 +180,10 @@ class Page(StaticFolder):
 
         The page for embedding is the same for every robot, but with that robot's `frame-ancestors`.
         """
+        slashed = SLASHED.fullmatch(scope["path"])
+        if slashed is not None:
+            query = scope["query_string"].decode("latin-1")
+            return RedirectResponse(f"../{slashed['robot']}{query and '?'}{query}")
         framed = EMBED.fullmatch(scope["path"])
         if framed is None:
             return await self._answer_anybody(path, scope)

@@ -25,8 +25,14 @@ export function mayTell({ twin }: RobotLink): boolean {
   return balance === 'on' || (balance === 'auto' && couldStand(twin.schema));
 }
 
-/** One sentence about a robot's balance, for robots and viewers that want it; empty otherwise. `brief`: in two or three words. */
-export function BalanceLine(props: { link: RobotLink; className?: string; brief?: boolean }) {
+/** One sentence about a robot's balance, for robots and viewers that want it; empty otherwise. `brief`: in two or three words;
+ *  `tucked`: on a small stage, these open the sentence. */
+export function BalanceLine(props: {
+  link: RobotLink;
+  className?: string;
+  brief?: boolean;
+  tucked?: boolean;
+}) {
   useSettings();
   useVersion(props.link);
   return mayTell(props.link) ? <Stood {...props} /> : null;

@@ -1,4 +1,5 @@
 import { displayOf, formatNumber } from '../../twin/format.ts';
+import { Tucked } from '../shell/Tucked.tsx';
 import { useTicked } from '../state/hooks.ts';
 import { type RobotLink, useWord } from '../state/robot_link.ts';
 import { toggleTrace, useShownSecond, useTraces } from '../state/viewing.ts';
@@ -56,15 +57,15 @@ const EVERY_MS = 250;
 
 /** The sentence about a robot's balance with a mark in the shape and colour of its level; empty while nothing can be said. Old
  *  and past readings are described in the past tense and without a level. */
-export function Stood(props: { link: RobotLink; className?: string; brief?: boolean }) {
-  const { link, className = '', brief = false } = props;
+export function Stood(props: { link: RobotLink; className?: string; brief?: boolean; tucked?: boolean }) {
+  const { link, className = '', brief = false, tucked = false } = props;
   useShownSecond(); // redraws as the time line moves
   useWord(link); // shows a new state word at once
   useSettings();
   const text = useBalanceText();
   const rest = useMore();
   const watch = balanceOf(link);
-  const { kind, level, words } = useTicked(EVERY_MS, () => {
+  const { kind, level, words, few } = useTicked(EVERY_MS, () => {
     const stance = watch.known()?.stance ?? null;
     if (!watch.isShown || stance === null) return { words: '' };
     const verdict = link.watch.verdict();
@@ -72,17 +73,19 @@ export function Stood(props: { link: RobotLink; className?: string; brief?: bool
     const words = brief
       ? briefWords(stance, old, text)
       : stanceWords(stance, old || isThen(verdict.word), text);
-    return { kind: stance.kind, level: old ? 'old' : stance.level, words };
+    const few = briefWords(stance, false, text);
+    return { kind: stance.kind, level: old ? 'old' : stance.level, words, few };
   });
   if (words === '') return null;
-  return (
+  const mark = <i className="balance-mark" data-kind={kind} data-level={level} aria-hidden="true" />;
+  const line = (
     <p
       className={`balance-line ${className}`.trim()}
       data-testid="balance-line"
       data-kind={kind}
       data-level={level}
     >
-      <i className="balance-mark" aria-hidden="true" />
+      {mark}
       <span>{words}</span>
       {!brief && (
         <button
@@ -96,6 +99,20 @@ export function Stood(props: { link: RobotLink; className?: string; brief?: bool
         </button>
       )}
     </p>
+  );
+  if (!tucked) return line;
+  return (
+    <Tucked
+      className="balance-tucked"
+      brief={
+        <>
+          {mark}
+          {few}
+        </>
+      }
+    >
+      {line}
+    </Tucked>
   );
 }
 

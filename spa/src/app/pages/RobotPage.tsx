@@ -41,6 +41,8 @@ const KeysSheet = late(async () => (await import('../settings/KeysSheet.tsx')).K
 
 const PANEL_LEAST_PX = 320;
 const BODY_LEAST_PX = 280;
+/** In a lower window, the numbers would hide the body. */
+const LOW_PX = 400;
 /** The second tap of a double tap still hits the body. */
 const RAISE_MS = 400;
 
@@ -198,7 +200,7 @@ function Split({ link, live, alone }: { link: RobotLink; live: RobotLink | null;
   const room = useRef<HTMLDivElement>(null);
   const [size, setSize] = useState<{ width: number; height: number } | null>(null);
   const [draggedPx, setDraggedPx] = useState<number | null>(null);
-  const [height, setHeight] = useState<SheetHeight>('half');
+  const [height, setHeight] = useState<SheetHeight>(() => (window.innerHeight < LOW_PX ? 'peek' : 'half'));
   const [tab, setTab] = useState<Tab>('Joints');
 
   useEffect(() => {

@@ -5,7 +5,7 @@ import { manifestUrl } from '../../relay/addresses.ts';
 import type { RowMember, RowView } from '../../scene/figure/body_view.ts';
 import type { RobotSigns } from '../../scene/signs/signs.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
-import { ViewNote } from '../robot/BodyNotes.tsx';
+import { Notices } from '../robot/BodyNotes.tsx';
 import { CameraViews, ShownChoice } from '../robot/BodyTools.tsx';
 import { bindBody } from '../robot/body_link.ts';
 import { Chip } from '../robot/Chip.tsx';
@@ -56,7 +56,7 @@ export function placeApart(
 }
 
 /** Labels move to avoid these. */
-const OVER_PICTURE = '.stage-views, .load-legend';
+const OVER_PICTURE = '.stage-views, .stage-legend';
 
 /** Up to six robots side by side in one scene, each with its own state (LIVE, STALE, …) over its head. A robot without a body
  *  appears beside the scene as a card of numbers. */
@@ -100,7 +100,7 @@ export function RowPage({ robots, onSettings }: { robots: readonly string[]; onS
               </div>
             )}
             <div className="stage-views">
-              {trouble !== null && <ViewNote trouble={trouble} choose={choose} />}
+              <Notices {...{ trouble, choose }} />
             </div>
             <div
               className={why === null ? 'line-labels' : 'line-labels listed'}

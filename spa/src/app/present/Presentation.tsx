@@ -4,6 +4,7 @@ import { home, recordingUrl } from '../../relay/relay.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { type AngleUnit, displayOf, formatNumber } from '../../twin/format.ts';
 import { NUMBERS } from '../../twin/joints.ts';
+import { isThen } from '../../twin/liveness.ts';
 import { isolated, plainName } from '../../twin/names.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
@@ -18,6 +19,7 @@ import { useSettings } from '../state/settings.ts';
 import { present, selectJoint, shownMoment, useSelectedJoint, useShownSecond } from '../state/viewing.ts';
 import { languageTag, useMore } from '../text/language.ts';
 import { faultSentence } from '../words/fault_sentence.ts';
+import { saysMore } from '../words/moment.ts';
 import { chipWords, stageWords } from '../words/status.ts';
 
 const MOST = 3;
@@ -131,13 +133,19 @@ function State({ link }: { link: RobotLink }) {
   const verdict = link.watch.verdict();
   const { word, detail, more, behind, warning, why } = useTicked(250, () => {
     const verdict = link.watch.verdict();
-    return { ...chipWords(verdict, connection, nowMs()), why: stageWords(verdict, connection, nowMs()) };
+    // the date is in the first line already
+    const isSaid = isThen(verdict.word) && !saysMore(verdict);
+    const why = isSaid ? null : stageWords(verdict, connection, nowMs());
+    return { ...chipWords(verdict, connection, nowMs()), why };
   });
   return (
     <>
       <p className="present-word" data-testid="present-word" data-state={verdict.word ?? ''}>
-        <Sign word={verdict.word} />
-        <b>{word}</b> {detail !== '' && <span>{detail}</span>} {behind !== '' && <span>{behind}</span>}
+        <b>
+          <Sign word={verdict.word} />
+          {word}
+        </b>{' '}
+        {detail !== '' && <span>{detail}</span>} {behind !== '' && <span>{behind}</span>}
       </p>
       <p className="present-why">{why ?? more.replace(/^[ ·:]+/, '')}</p>
       {warning !== '' && <p className="present-warning">{warning}</p>}
@@ -160,6 +168,7 @@ function Address({ link }: { link: RobotLink }) {
   });
   const query = new URLSearchParams(window.location.search);
   query.delete('origin'); // the page around a frame
+  query.delete('gestures'); // of a finger on this page
   query.delete('lane'); // how this page reads the robot, not what it shows
   const place = recordingUrl() === null ? robotHref(link.twin.robot) : '#/';
   const address = `${home()}${query.size > 0 ? `?${query}` : ''}${place}${

@@ -20,6 +20,7 @@ import { type RobotLink, useConnection, useVersion, useWord } from '../state/rob
 import { settings } from '../state/settings.ts';
 import { useShownSecond } from '../state/viewing.ts';
 import { say, useText } from '../text/language.ts';
+import { saysMore } from '../words/moment.ts';
 import { bytesWords, problemWords, stageWords, waitingWords } from '../words/status.ts';
 import { keepLoading, useBodyView, useCameraControls } from './use_body_view.ts';
 
@@ -236,7 +237,12 @@ function StageNote({ link }: { link: RobotLink }) {
   const isRefused = connection.phase === 'ended' || isAbsent(connection);
   const canTry = verdict.cause === 'no connection' && connection.phase !== 'connecting';
   return (
-    <div className="stage-note" data-word={verdict.word ?? ''} data-testid="stage-note">
+    <div
+      className="stage-note"
+      data-word={verdict.word ?? ''}
+      data-more={saysMore(verdict)}
+      data-testid="stage-note"
+    >
       <span>
         {problem === null || (words !== null && problem.what === 'newer') ? words : problemWords(problem)}
       </span>

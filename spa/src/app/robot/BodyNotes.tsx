@@ -5,6 +5,7 @@ import { listUnmoving } from '../../twin/kinematic_tree.ts';
 import { isolated } from '../../twin/names.ts';
 import { LostReadings } from '../../twin/sensors/last_readings.ts';
 import { BalanceLine } from '../balance/BalanceParts.tsx';
+import { Tucked } from '../shell/Tucked.tsx';
 import { useTicked } from '../state/hooks.ts';
 import type { RobotLink } from '../state/robot_link.ts';
 import { more, useMore } from '../text/language.ts';
@@ -52,13 +53,8 @@ function bareWords(why: string): string {
   return more().bare(isolated(why));
 }
 
-/** How many findings there are about the model. */
-function remarksWords(count: number): string {
-  return more().remarks(count);
-}
-
-/** Notes about the picture: how it is drawn, which meshes are missing, which joints have no reading, and the sentence about
- *  balance. */
+/** Notices about the picture: joints without a reading, a body that no reading moves, meshes that are missing, how it is drawn, what the edge's doctor found wrong
+ *  with the model. Together one button that opens them. Beside it, the robot's balance. */
 export function BodyNotes(props: {
   link: RobotLink;
   trouble: ViewTrouble | null;
@@ -67,81 +63,114 @@ export function BodyNotes(props: {
   choose: (way: '3d' | 'light') => void;
 }) {
   const { link, trouble, report, choose } = props;
-  useMore();
-  const note = report === null ? null : noteOf(report);
+  const doubts = [
+    { key: 'unread-note', words: useUnread(link) },
+    { key: 'unmoved-note', words: useUnmoved(link, report?.joints) },
+    { key: 'model-note', words: report === null ? '' : noteOf(report) },
+  ].filter(({ words }) => words !== '');
+  return (
+    <div className="stage-views">
+      <BalanceLine link={link} tucked />
+      <Notices {...{ doubts, trouble, choose }} findings={report?.findings} />
+    </div>
+  );
+}
+
+/** The button that opens the notices; empty if there are none. */
+export function Notices(props: {
+  /** Why the body may not look as the robot does. */
+  doubts?: readonly { readonly key: string; readonly words: string }[];
+  trouble: ViewTrouble | null;
+  choose: (way: '3d' | 'light') => void;
+  findings?: ModelReport['findings'] | undefined;
+}) {
+  const { doubts = [], trouble, choose, findings = [] } = props;
+  const text = useMore();
+  const remarks = findings.filter(({ severity }) => severity !== 'hint'); // only the model's author needs hints
+  const words = [
+    ...doubts.map((doubt) => doubt.words),
+    ...(trouble === null ? [] : [viewWords(trouble)]),
+    ...(remarks.length === 0 ? [] : [text.remarks(remarks.length)]),
+  ];
+  if (words.length === 0) return null;
   return (
     <>
-      {note !== null && (
-        <p className="stage-foot" data-testid="model-note">
-          {note}
+      <Tucked
+        always
+        className="notices"
+        brief={
+          <>
+            <i
+              className="notice-mark"
+              data-level={doubts.length > 0 ? 'caution' : 'note'}
+              aria-hidden="true"
+            />
+            <span className="notice-first">{words[0]}</span>
+            {words.length > 1 && <span className="notice-first">+{words.length - 1}</span>}
+            <span className="notice-count">{text.notices(words.length)}</span>
+          </>
+        }
+      >
+        {doubts.map((doubt) => (
+          <p key={doubt.key} data-testid={doubt.key}>
+            {doubt.words}
+          </p>
+        ))}
+        {trouble !== null && <ViewNote {...{ trouble, choose }} />}
+        {remarks.length > 0 && (
+          <section data-testid="model-findings">
+            <p>{text.remarks(remarks.length)}</p>
+            <ul>
+              {remarks.map(({ severity, line, text: found }) => (
+                <li key={`${line} ${found}`} data-severity={severity}>
+                  {isolated(found)}
+                  {line !== null && <span className="quiet"> · {text.line(line)}</span>}
+                </li>
+              ))}
+            </ul>
+          </section>
+        )}
+      </Tucked>
+      {trouble !== null && (
+        <p className="unseen" role="status">
+          {viewWords(trouble)}
         </p>
       )}
-      <div className="stage-views">
-        {trouble !== null && <ViewNote trouble={trouble} choose={choose} />}
-        <Unread link={link} />
-        {report !== null && <Unmoved link={link} joints={report.joints} />}
-        <BalanceLine link={link} />
-      </div>
-      {report !== null && <ModelFindings findings={report.findings} />}
     </>
   );
 }
 
-/** Names the joints that have no reading now and are shown at their last known position. */
-function Unread({ link }: { link: RobotLink }) {
+/** Names the joints that have no reading now and are shown at their last known position; '' if there are none. */
+function useUnread(link: RobotLink): string {
   const { schema } = link.twin;
   const lost = useMemo(() => (schema === null ? null : new LostReadings(schema)), [schema]);
   const joints = useTicked(500, () => {
     const { state } = link.twin;
     return state === null ? [] : (lost?.update(state.codes) ?? []);
   });
-  return joints.length === 0 ? null : <p data-testid="unread-note">{unreadWords(joints)}</p>;
+  return joints.length === 0 ? '' : unreadWords(joints);
 }
 
-/** Says that the robot's readings and the joints of its model have different names. */
-function Unmoved({ link, joints }: { link: RobotLink; joints: readonly string[] }) {
+/** Says that the robot's readings and the joints of its model have different names; '' if they have not. */
+function useUnmoved(link: RobotLink, joints: readonly string[] | undefined): string {
   const { schema } = link.twin;
-  const channels = useMemo(() => (schema === null ? null : listUnmoving(schema, joints)), [schema, joints]);
-  return channels === null ? null : <p data-testid="unmoved-note">{unmovedWords(channels, joints)}</p>;
-}
-
-function noteOf({ bare, missing }: ModelReport): string | null {
-  if (bare !== undefined) return bareWords(bare);
-  return missing.length > 0 ? missingWords(missing, null) : null;
-}
-
-/** A note that expands to what the edge's doctor found wrong with the model. Hints are left out, because only the model's author
- *  needs them. */
-function ModelFindings({ findings = [] }: { findings: ModelReport['findings'] | undefined }) {
-  const said = useMore();
-  const shown = findings.filter(({ severity }) => severity !== 'hint');
-  if (shown.length === 0) return null;
-  return (
-    <details className="model-findings" data-testid="model-findings">
-      <summary>{remarksWords(shown.length)}</summary>
-      <ul>
-        {shown.map(({ severity, line, text }) => (
-          <li key={`${line} ${text}`} data-severity={severity}>
-            {isolated(text)}
-            {line !== null && <span className="quiet"> · {said.line(line)}</span>}
-          </li>
-        ))}
-      </ul>
-    </details>
+  const channels = useMemo(
+    () => (schema === null || joints === undefined ? null : listUnmoving(schema, joints)),
+    [schema, joints],
   );
+  return channels === null ? '' : unmovedWords(channels, joints ?? []);
+}
+
+function noteOf({ bare, missing }: ModelReport): string {
+  if (bare !== undefined) return bareWords(bare);
+  return missing.length > 0 ? missingWords(missing, null) : '';
 }
 
 /** A note that says why the body is not drawn in full 3D quality, with a button for the other renderer if that can help. */
-export function ViewNote({
-  trouble,
-  choose,
-}: {
-  trouble: ViewTrouble;
-  choose: (way: '3d' | 'light') => void;
-}) {
+function ViewNote({ trouble, choose }: { trouble: ViewTrouble; choose: (way: '3d' | 'light') => void }) {
   const text = useMore();
   return (
-    <p data-testid="view-note" data-trouble={trouble} role="status">
+    <p data-testid="view-note" data-trouble={trouble}>
       {viewWords(trouble)}
       {(trouble === 'given-up' || trouble === 'slow' || trouble === 'chosen') && (
         <button type="button" className="text-button" onClick={() => choose('3d')}>

@@ -2,6 +2,7 @@ import '../shell/styles/signs.css';
 import { Load, type LoadScale } from '../../scene/signs/load.ts';
 import type { RobotSigns } from '../../scene/signs/signs.ts';
 import { displayOf, formatNumber } from '../../twin/format.ts';
+import { Tucked } from '../shell/Tucked.tsx';
 import { useTicked } from '../state/hooks.ts';
 import { useSettings } from '../state/settings.ts';
 import { useMore } from '../text/language.ts';
@@ -19,29 +20,47 @@ export function LoadLegend({ signs }: { signs: readonly RobotSigns[] }) {
   const display = displayOf(unit, 'rad');
   const said = (value: number) =>
     `${formatNumber(value, { ...display, decimals: Math.abs(value) < 10 ? 1 : 0 }).trim()} ${display.unit}`;
+  const name = field === 'cur' ? text.motorCurrent : text.temperature;
+  const most = full === null ? text.limit : said(full);
   return (
-    <figure className="load-legend" data-testid="load-legend">
-      <figcaption>
-        <button type="button" className="term" data-explain="signs.load" aria-haspopup="dialog">
-          {field === 'cur' ? text.motorCurrent : text.temperature}
-        </button>
-      </figcaption>
-      <div className="load-scale">
-        {cautionPart !== null && cautionPart > 0 && cautionPart < 1 && (
-          <i className="load-caution" style={{ left: `${cautionPart * 100}%` }} title={text.cautionStarts} />
-        )}
-      </div>
-      <div className="load-ends">
-        <span>{said(rest)}</span>
-        <span>{full === null ? text.limit : said(full)}</span>
-      </div>
-      <p>
-        <i className="load-over" /> {limited ? text.pastLimit : text.noLimitKnown}
-      </p>
-      <p>
-        <i className="load-none" /> {text.noReading}
-      </p>
-    </figure>
+    <Tucked
+      className="stage-legend"
+      label={name}
+      brief={
+        <>
+          <span>{most}</span>
+          <i className="load-bar" />
+          <span>{said(rest)}</span>
+        </>
+      }
+    >
+      <figure className="load-legend" data-testid="load-legend">
+        <figcaption>
+          <button type="button" className="term" data-explain="signs.load" aria-haspopup="dialog">
+            {name}
+          </button>
+        </figcaption>
+        <div className="load-scale">
+          {cautionPart !== null && cautionPart > 0 && cautionPart < 1 && (
+            <i
+              className="load-caution"
+              style={{ left: `${cautionPart * 100}%` }}
+              title={text.cautionStarts}
+            />
+          )}
+        </div>
+        <div className="load-ends">
+          <span>{said(rest)}</span>
+          <span>{most}</span>
+        </div>
+        <p>
+          <i className="load-over" /> {limited ? text.pastLimit : text.noLimitKnown}
+        </p>
+        <p>
+          <i className="load-none" /> {text.noReading}
+        </p>
+      </figure>
+    </Tucked>
   );
 }
 

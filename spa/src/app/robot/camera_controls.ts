@@ -5,9 +5,11 @@ import { JointChannels } from '../../twin/kinematic_tree.ts';
 import type { RobotTwin } from '../../twin/robot.ts';
 import { pressedLabel, watchPresses } from '../explain/pressed_sign.ts';
 import { addPageKeys, type KeyHandlers } from '../shell/page_keys.ts';
+import { isGuest } from '../state/address.ts';
 import { onSettings, settings } from '../state/settings.ts';
 import { onSelection, selection, selectJoint } from '../state/viewing.ts';
 import { more, onLanguage } from '../text/language.ts';
+import { shareGestures } from './guest_gestures.ts';
 
 /** How far one key press turns, moves and zooms the camera. */
 const TURN_RAD = Math.PI / 24;
@@ -15,8 +17,8 @@ const PAN_PX = 40;
 const NEARER = 0.85;
 
 /** What covers the picture: at its top, and at its bottom. */
-const NOTES = '.stage-note, .stage-views';
-const BUTTONS = '.stage-tools, .stage-foot, .model-findings';
+const NOTES = '.stage-note, .stage-views, .stage-level';
+const BUTTONS = '.stage-tools, .stage-foot';
 /** Gap between a note and the robot, CSS px. */
 const AIR = 4;
 
@@ -73,10 +75,34 @@ export function attachCameraControls(element: HTMLElement, view: BodyView): () =
     onLanguage(named),
     onSettings(chosen),
     onTaps(element, (x, y, times) => times === 2 && closeTo(view, { x, y })),
+    markTurning(element),
   ];
+  if (isGuest()) leave.push(shareGestures(element, view));
   return () => {
     for (const off of leave) off();
   };
+}
+
+/** Marks the stage (`data-turning`) while a finger moves on the body: what lies over it then steps back. */
+function markTurning(element: HTMLElement): () => void {
+  const leave = new AbortController();
+  const { signal } = leave;
+  const stage = element.parentElement;
+  const fingers = new Set<number>();
+  const down = ({ pointerId, pointerType }: PointerEvent) =>
+    pointerType === 'touch' && fingers.add(pointerId);
+  const move = ({ pointerId, movementX, movementY }: PointerEvent) => {
+    if (fingers.has(pointerId) && (movementX !== 0 || movementY !== 0))
+      stage?.setAttribute('data-turning', '');
+  };
+  const up = ({ pointerId }: PointerEvent) => {
+    fingers.delete(pointerId);
+    if (fingers.size === 0) stage?.removeAttribute('data-turning');
+  };
+  element.addEventListener('pointerdown', down, { signal });
+  element.addEventListener('pointermove', move, { signal });
+  for (const end of ['pointerup', 'pointercancel'] as const) element.addEventListener(end, up, { signal });
+  return () => leave.abort();
 }
 
 /** Tells a view how much of the picture is covered by notes and buttons, so that they don't hide the robot's feet or head.
@@ -84,15 +110,16 @@ export function attachCameraControls(element: HTMLElement, view: BodyView): () =
 export function bindInsets(canvas: HTMLElement, view: Pick<BodyView, 'setCover'>): () => void {
   const stage = canvas.parentElement;
   if (stage === null) return () => {};
-  const over = (selector: string) =>
-    [...stage.querySelectorAll(`:scope > :is(${selector})`)].map((each) => each.getBoundingClientRect());
   const measure = () => {
-    const { top, bottom } = stage.getBoundingClientRect();
-    // Hidden elements have no size and cover nothing.
-    const most = (lengths: readonly number[]) => Math.max(0, ...lengths);
+    const { left, top, bottom, width } = stage.getBoundingClientRect();
+    // Hidden elements have no size and cover nothing; nor does what stands in a corner, beside the robot.
+    const over = (selector: string) =>
+      [...stage.querySelectorAll(`:scope > :is(${selector})`)]
+        .map((each) => each.getBoundingClientRect())
+        .filter((at) => at.height > 0 && at.right > left + width / 4 && at.left < left + (3 * width) / 4);
     view.setCover({
-      above: most(over(NOTES).map((at) => (at.height > 0 ? at.bottom - top + AIR : 0))),
-      below: most(over(BUTTONS).map((at) => (at.height > 0 ? bottom - at.top : 0))),
+      above: Math.max(0, ...over(NOTES).map((at) => at.bottom - top + AIR)),
+      below: Math.max(0, ...over(BUTTONS).map((at) => bottom - at.top)),
     });
   };
   const sizes = new ResizeObserver(measure);

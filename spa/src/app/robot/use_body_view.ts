@@ -11,6 +11,7 @@ import type { RobotTwin } from '../../twin/robot.ts';
 import { shownScene } from '../shell/debug_api.ts';
 import { startWhenLoaded } from '../shell/late.tsx';
 import { type PageTheme, useTheme } from '../shell/theme.ts';
+import { isGuest } from '../state/address.ts';
 import { changeSettings, type Settings, settings, useSettings } from '../state/settings.ts';
 import { say } from '../text/language.ts';
 
@@ -105,6 +106,7 @@ export function useBodyView(
         return;
       }
       made = view;
+      if (isGuest()) view.setFingers('two'); // before its camera's controls have loaded
       stop = begin(view);
       shownScene.set(view);
       const trouble = way === '3d' ? null : way;

@@ -1,22 +1,25 @@
 import { type PointerEvent, type ReactNode, useRef, useState } from 'react';
 import { say } from '../text/language.ts';
 
-/** The heights of the sheet with the numbers on a phone: `peek` is `PEEK_PX`, `half` about half of the available height,
- *  `full` all of it. */
+/** The heights of the sheet with the numbers on a phone: `peek` is `PEEK_PX`, `half` somewhat less than half of the available
+ *  height, `full` all of it. */
 export type SheetHeight = 'peek' | 'half' | 'full';
 
 /** The height of a sheet at `peek`, CSS px. */
 export const PEEK_PX = 60;
-const HALF = 0.485;
+const HALF = 0.42;
+/** On a low screen, half shows at least the tabs and a row. */
+const HALF_LEAST_PX = 168;
 /** At a speed above this, CSS px per ms, the direction of the drag decides the height, not where it ended. */
 const FLICK = 0.5;
 
 const ORDER: readonly SheetHeight[] = ['peek', 'half', 'full'];
+const HEIGHT_WORDS = { peek: 'numbersPeek', half: 'numbersHalf', full: 'numbersFull' } as const;
 
 /** A height in CSS px, where `roomPx` is available. */
 export function heightPx(height: SheetHeight, roomPx: number): number {
   if (height === 'peek') return Math.min(PEEK_PX, roomPx);
-  return height === 'half' ? Math.round(roomPx * HALF) : roomPx;
+  return height === 'half' ? Math.min(roomPx, Math.max(HALF_LEAST_PX, Math.round(roomPx * HALF))) : roomPx;
 }
 
 /** The height that a sheet takes when a drag ends. `px`: its height at that moment; `speed`: CSS px per ms, positive
@@ -33,6 +36,14 @@ export function nextHeight(height: SheetHeight): SheetHeight {
   return height === 'peek' ? 'half' : height === 'half' ? 'full' : 'peek';
 }
 
+/** The height that a key on the handle chooses; null for keys that choose none. */
+function heightByKey(key: string, height: SheetHeight): SheetHeight | null {
+  const at = ORDER.indexOf(height);
+  if (key === 'ArrowUp') return ORDER[Math.min(ORDER.length - 1, at + 1)]!;
+  if (key === 'ArrowDown') return ORDER[Math.max(0, at - 1)]!;
+  return key === 'Home' ? 'full' : key === 'End' ? 'peek' : null;
+}
+
 /** A pointer that moves no farther than this, CSS px, counts as a tap. */
 const TAP_PX = 6;
 
@@ -46,7 +57,7 @@ interface Drag {
 }
 
 /** The sheet over the body that holds the numbers on a phone. Dragging its handle moves it to one of three heights; a
- *  tap on the handle chooses the next height. */
+ *  tap on the handle chooses the next height, arrow keys the next higher or lower one. */
 export function Sheet({
   height,
   roomPx,
@@ -100,13 +111,19 @@ export function Sheet({
       <button
         type="button"
         className="grip"
-        aria-label={height === 'full' ? say().lowerNumbers : say().raiseNumbers}
+        aria-label={say()[HEIGHT_WORDS[height]]}
         aria-expanded={height !== 'peek'}
         onPointerDown={down}
         onPointerMove={move}
         onPointerUp={up}
         onPointerCancel={up}
         onClick={click}
+        onKeyDown={(event) => {
+          const chosen = heightByKey(event.key, height);
+          if (chosen === null) return;
+          event.preventDefault();
+          onHeight(chosen);
+        }}
       >
         <i />
       </button>

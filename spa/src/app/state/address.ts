@@ -25,6 +25,15 @@ export function writeHash(hash: string, path = window.location.search): void {
   changed.emit();
 }
 
+/** Whether this page is a frame in another site's page, which must go on scrolling under a finger and the wheel. With
+ *  `?gestures=all` the frame is as large as that page, and all gestures are its own. */
+export function isGuest(): boolean {
+  return (
+    document.documentElement.dataset.page === 'embed' &&
+    new URLSearchParams(window.location.search).get('gestures') !== 'all'
+  );
+}
+
 /** The part of a hash that names a page; the query after it changes as the camera moves. */
 export function placeIn(hash: string): string {
   return hash.split('?')[0] ?? '';

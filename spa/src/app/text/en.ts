@@ -60,8 +60,9 @@ export const en = {
   // ---- the numbers
   numbers: 'Numbers',
   showNumbers: 'Show the numbers',
-  raiseNumbers: 'Expand the numbers',
-  lowerNumbers: 'Collapse the numbers',
+  numbersPeek: 'Numbers: one line',
+  numbersHalf: 'Numbers: half height',
+  numbersFull: 'Numbers: full height',
   widthOfNumbers: 'Width of the numbers',
   noNumbersYet: 'No numbers yet.',
   fullscreen: 'Fullscreen',

@@ -121,6 +121,8 @@ export const moreEn = {
     return `${missing} of ${all} meshes ${one ? 'is' : 'are'} missing: ${names}.`;
   },
   bare: (why: string) => `Only the skeleton can be shown: ${why}.`,
+  tapToTurn: 'Tap first, or use two fingers, to turn the robot.',
+  notices: (count: number) => (count === 1 ? '1 notice' : `${count} notices`),
   remarks: (count: number) =>
     count === 1 ? '1 finding about the model' : `${count} findings about the model`,
   backTo3d: 'Back to 3D',

@@ -57,6 +57,8 @@ export const moreKo: More = {
       ? `메시 ${missing}개가 없습니다: ${names}.`
       : `메시 ${all}개 중 ${missing}개가 없습니다: ${names}.`,
   bare: (why) => `뼈대만 보여 줄 수 있습니다: ${why}.`,
+  tapToTurn: '로봇을 돌리려면 먼저 한 번 누르거나 두 손가락을 쓰세요.',
+  notices: (count) => `알림 ${count}개`,
   remarks: (count) => `모델에서 찾은 문제 ${count}건`,
   backTo3d: '3D로 돌아가기',
   try3d: '3D 다시 시도',

@@ -53,6 +53,14 @@ export function pastWords({ past, ageMs }: Pick<Verdict, 'past' | 'ageMs'>, nowM
   return { clock, ago, note: note + missing };
 }
 
+/** Whether the note about a moment of the past says more than when it was: that it is not the one asked for, that the robot was
+ *  silent, or that it is missing. */
+export function saysMore({ past }: Pick<Verdict, 'past'>): boolean {
+  if (past === null) return false;
+  const { momentMs, askedMs, was, isHere, recorded } = past;
+  return askedMs !== null || was !== null || (!isHere && (recorded?.gap(momentMs) ?? null) !== null);
+}
+
 /** Says that the moment in the link is not kept, and which one is shown instead. */
 export function notKeptWords(askedMs: number, momentMs: number, nowMs: number): string {
   const [asked, clock] = [dayWords(askedMs, nowMs), formatClockSeconds(momentMs)];

@@ -263,7 +263,8 @@ export class CameraRig {
     this.#fitted = true;
     this.#placed = null;
     this.#whole.shrink();
-    if (this.#body !== null) this.#whole.correct(this.#body, this.#middle, this.#insets.aspect);
+    const { aspect, finalFree } = this.#insets;
+    if (this.#body !== null) this.#whole.correct(this.#body, this.#middle, aspect, finalFree);
     this.#turnTo(this.#orbitOf(view), eased);
   }
 
@@ -366,7 +367,8 @@ export class CameraRig {
     const part = far <= leash ? 0 : 1 - leash / far;
     this.#move(turn, [dx * part, dy * part, 0], 1);
     if (body === null) return;
-    const { step, growth } = this.#whole.correct(body, this.#middle, this.#insets.aspect);
+    const { aspect, finalFree } = this.#insets;
+    const { step, growth } = this.#whole.correct(body, this.#middle, aspect, finalFree);
     this.#move(0, step, this.#fitted ? growth : 1);
   }
 
@@ -407,9 +409,15 @@ export class CameraRig {
     this.#options.changed();
   }
 
+  /** The distance from which the framed robot fits the picture. */
+  get #fitting(): number {
+    const { aspect, finalFree } = this.#insets;
+    return fittingDistance(this.#extent, aspect, finalFree);
+  }
+
   /** The distance for a close view of a link. */
   get #closeDistance(): number {
-    return fittingDistance(this.#extent, this.#insets.aspect) * CLOSE_PART;
+    return this.#fitting * CLOSE_PART;
   }
 
   /** Goes to an orbit the shorter way round. */
@@ -448,10 +456,7 @@ export class CameraRig {
     return {
       azimuth: azimuth * RADIANS,
       elevation: elevation * RADIANS,
-      distance: Math.min(
-        fittingDistance(this.#extent, this.#insets.aspect) * this.#whole.growth,
-        this.distances.greatest,
-      ),
+      distance: Math.min(this.#fitting * this.#whole.growth, this.distances.greatest),
       target: this.#middle,
     };
   }

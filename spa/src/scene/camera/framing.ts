@@ -9,9 +9,27 @@ export type ViewName = 'home' | 'front' | 'side' | 'top';
 
 /** Vertical field of view, degrees. It is narrow, so that perspective hardly distorts a robot. */
 export const FIELD_OF_VIEW = 30;
-/** Height and width of the picture relative to the robot's: it leaves room for arms that move to the sides. */
-const AIR_TALL = 1.22;
+/** How much of the picture a framed robot fills: the rest is for arms that move, and for its steps. A low picture, as on a phone, has
+ *  none to spare: there the camera moves away when the robot needs it. */
+interface Filling {
+  /** The height of such a picture, CSS px. */
+  readonly px: number;
+  /** Height of the picture relative to the robot's. */
+  readonly air: number;
+  /** Fraction of the picture's height and width for the cylinder around the robot. */
+  readonly fills: number;
+}
+const LOW: Filling = { px: 340, air: 1.05, fills: 0.985 };
+const HIGH: Filling = { px: 520, air: 1.22, fills: 0.88 };
+/** Width of the picture relative to the robot's. */
 const AIR_WIDE = 1.3;
+
+/** The filling of a picture of this height, CSS px. */
+function fillingAt(heightPx: number): Filling {
+  const part = Math.min(1, Math.max(0, (heightPx - LOW.px) / (HIGH.px - LOW.px)));
+  const between = (key: keyof Filling) => LOW[key] + (HIGH[key] - LOW[key]) * part;
+  return { px: heightPx, air: between('air'), fills: between('fills') };
+}
 
 /** Directions from the target to the camera: azimuth from x (ahead) towards y (left), elevation above the horizon. */
 export const VIEWS: Readonly<Record<ViewName, { azimuth: number; elevation: number }>> = {
@@ -30,24 +48,25 @@ export function directionOf(view: ViewName, { lies }: Extent): { azimuth: number
   return view === 'home' && lies !== undefined ? HOME_OF_LONG[lies] : VIEWS[view];
 }
 
-/** Fraction of the picture's height and width that a robot may fill when it is framed: the rest is for its motion. */
-const FILLS_FRAMED = 0.88;
-/** The same while it moves. */
+/** Fraction of the picture's height and width that the cylinder around a robot may fill while it moves. */
 const FILLS_MOVING = 0.985;
 /** The elevation for which that room is computed. From lower elevations, there is more. */
 const TILT = (VIEWS.home.elevation * Math.PI) / 180;
 const SLOPE = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
 
-/** The distance (metres) from which the whole extent fits a picture of this aspect (width : height). A long body needs no room at
- *  its sides, because it does not get longer. */
-export function fittingDistance({ tall, wide, radius, lies }: Extent, aspect: number): number {
-  if (lies !== undefined) return leastDistance(tall, wide, aspect, FILLS_FRAMED);
-  const byHeight = (tall * AIR_TALL) / SLOPE;
+/** The distance (metres) from which the whole extent fits a picture of this aspect (width : height); in a picture that is low in CSS
+ *  px, it is nearer. A long body needs no room at its sides, because it does not get longer. */
+export function fittingDistance(
+  { tall, wide, radius, lies }: Extent,
+  aspect: number,
+  heightPx = HIGH.px,
+): number {
+  const { air, fills } = fillingAt(heightPx);
+  const least = leastDistance(tall, wide, aspect, fills);
+  if (lies !== undefined) return least;
+  const byHeight = (tall * air) / SLOPE;
   const byWidth = (wide * AIR_WIDE) / (SLOPE * aspect);
-  return Math.max(
-    Math.max(byHeight, byWidth, radius * 2) + wide / 2,
-    leastDistance(tall, wide, aspect, FILLS_FRAMED),
-  );
+  return Math.max(Math.max(byHeight, byWidth, radius * 2) + wide / 2, least);
 }
 
 /** The minimum distance (metres) at which an upright cylinder of this half height and radius (metres) fits the picture, if its

@@ -51,9 +51,14 @@ export class ViewInsets {
     return this.#freeOf(this.#cover);
   }
 
+  /** The height of the free part at the end of the easing, CSS px. */
+  get finalFree(): number {
+    return this.#freeOf(this.#to);
+  }
+
   /** Width : height of the free part at the end of the easing. */
   get aspect(): number {
-    return this.width / this.#freeOf(this.#to);
+    return this.width / this.finalFree;
   }
 
   get #cover(): Insets {

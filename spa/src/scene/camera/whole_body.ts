@@ -89,10 +89,10 @@ export class WholeBody {
     this.#growth = 1;
   }
 
-  /** What a body at `span` needs in a picture of this aspect whose middle is at `middle` (world, metres). */
-  correct(span: BodySpan, middle: Vec3, aspect: number): Correction {
+  /** What a body at `span` needs in a picture of this aspect and height (CSS px) whose middle is at `middle` (world, metres). */
+  correct(span: BodySpan, middle: Vec3, aspect: number, heightPx?: number): Correction {
     const half = (span.high - span.low) / 2;
-    const fitting = fittingDistance(this.#extent, aspect);
+    const fitting = fittingDistance(this.#extent, aspect, heightPx);
     const needed = leastDistance(half, span.radius, aspect) / fitting;
     const grown = Math.max(this.#growth, Math.min(needed, MOST_GROWTH));
     const growth = grown / this.#growth;

@@ -1,10 +1,16 @@
 import type { CameraRig } from '../camera/camera_rig.ts';
+import type { Fingers } from '../figure/body_view.ts';
 
 /** Relative change of the distance per pixel of wheel scrolling. */
 const ZOOM_PER_PIXEL = 0.0012;
 
-/** Handles pointers on a canvas: one finger or the left button turns, two fingers or any other button pan, pinch and wheel zoom towards where they point. Returns a function that stops it. */
-export function attachPointerInput(canvas: HTMLCanvasElement, eye: CameraRig): () => void {
+/** Handles pointers on a canvas: one finger or the left button turns, two fingers or any other button pan, pinch and wheel zoom
+ *  towards where they point. `setFingers`: see `BodyView`; `stop` ends it. */
+export function attachPointerInput(
+  canvas: HTMLCanvasElement,
+  eye: CameraRig,
+): { setFingers: (fingers: Fingers) => void; stop: () => void } {
+  let all = true;
   const fingers = new Map<number, { x: number; y: number }>();
   const leave = new AbortController();
   const { signal } = leave;
@@ -33,11 +39,12 @@ export function attachPointerInput(canvas: HTMLCanvasElement, eye: CameraRig): (
       fingers.set(event.pointerId, now);
       if (other !== undefined) {
         const gap = (p: { x: number; y: number }) => Math.max(1, Math.hypot(p.x - other.x, p.y - other.y));
-        eye.pan(dx / 2, dy / 2);
+        if (all) eye.pan(dx / 2, dy / 2);
+        else eye.drag(dx / 2, dy / 2);
         eye.zoom(gap(before) / gap(now), (now.x + other.x) / 2, (now.y + other.y) / 2);
       } else if (event.pointerType === 'mouse' && ((event.buttons & 1) === 0 || event.shiftKey))
         eye.pan(dx, dy);
-      else eye.drag(dx, dy);
+      else if (all || event.pointerType !== 'touch') eye.drag(dx, dy);
     },
     { signal },
   );
@@ -54,5 +61,11 @@ export function attachPointerInput(canvas: HTMLCanvasElement, eye: CameraRig): (
     },
     { signal, passive: false },
   );
-  return () => leave.abort();
+  return {
+    setFingers: (fingers) => {
+      all = fingers === 'all';
+      canvas.style.touchAction = all ? 'none' : 'pan-y';
+    },
+    stop: () => leave.abort(),
+  };
 }

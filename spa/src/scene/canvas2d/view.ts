@@ -2,7 +2,7 @@ import { prefersReducedMotion } from '../../browser/painting.ts';
 import { Debounce } from '../../kit.ts';
 
 import { CameraRig } from '../camera/camera_rig.ts';
-import type { DrawnSigns } from '../figure/body_view.ts';
+import type { DrawnSigns, Fingers } from '../figure/body_view.ts';
 import type { NodeHost } from '../figure/figure_node.ts';
 import { RobotRow, topOf } from '../figure/robot_row.ts';
 import { RowStage } from '../figure/row_stage.ts';
@@ -85,7 +85,7 @@ export class LightView extends RowStage<LightRobotNode> {
   readonly #sharpness = new AdaptiveResolution();
   readonly #overlay: Overlay;
   readonly #resizes: ResizeObserver;
-  readonly #letGo: () => void;
+  readonly #pointers: ReturnType<typeof attachPointerInput>;
   readonly #onSlow: (slow: boolean) => void;
   readonly #onDrawn: () => void;
   #tones: LightColors;
@@ -108,7 +108,7 @@ export class LightView extends RowStage<LightRobotNode> {
     const { canvas } = this.#painter;
     host.append(canvas);
     this.#overlay = new Overlay(host, this.#tones.signs, this.drawsBalance);
-    this.#letGo = attachPointerInput(canvas, this.rig);
+    this.#pointers = attachPointerInput(canvas, this.rig);
     this.addRobot();
     this.loop.add({ advance: (seconds) => this.#advance(seconds) });
     this.#resizes = new ResizeObserver(() => this.#resize());
@@ -126,6 +126,10 @@ export class LightView extends RowStage<LightRobotNode> {
 
   get triangles(): number {
     return this.#triangles;
+  }
+
+  setFingers(fingers: Fingers): void {
+    this.#pointers.setFingers(fingers);
   }
 
   signsOf(robot: LightRobotNode): DrawnSigns {
@@ -177,7 +181,7 @@ export class LightView extends RowStage<LightRobotNode> {
     this.#finely.cancel();
     this.loop.stop();
     this.#resizes.disconnect();
-    this.#letGo();
+    this.#pointers.stop();
     this.#overlay.dispose();
     this.#painter.canvas.remove();
   }

@@ -25,6 +25,9 @@ export type DrawnSigns = Readonly<Record<string, unknown>> & {
   readonly ghostLinks: readonly string[];
 };
 
+/** Which fingers on the picture move the camera. */
+export type Fingers = 'all' | 'two';
+
 /** The view of a robot's body that the page uses, drawn with WebGL (`RobotScene`) or on a 2D canvas (`LightView`).
  *  Links and joints go by their URDF names. */
 export interface BodyView {
@@ -87,6 +90,9 @@ export interface BodyView {
   /** Gives back what the browser has few of, a WebGL context, while nobody sees the view, or takes it again. Meanwhile the newest
    *  picture stays. */
   setAsleep(asleep: boolean): void;
+  /** Sets what fingers do: with `all`, one turns the camera, two move it; with `two`, one is left to the page, which scrolls, and two
+   *  turn the camera. */
+  setFingers(fingers: Fingers): void;
   /** Whether it draws the signs of balance. */
   readonly drawsBalance: boolean;
   /** The link under a point of the window (CSS pixels), or null. */

@@ -7,7 +7,7 @@ import type { CameraRig, EyePlace, FollowMode } from '../camera/camera_rig.ts';
 import type { ViewName } from '../camera/framing.ts';
 import type { Insets } from '../camera/insets.ts';
 import type { RobotSigns } from '../signs/signs.ts';
-import type { DrawnSigns, PoseSource, RowView } from './body_view.ts';
+import type { DrawnSigns, Fingers, PoseSource, RowView } from './body_view.ts';
 import type { FigureNode, NodeHost, OnProgress, StagedFigure } from './figure_node.ts';
 import { RenderLoop } from './render_loop.ts';
 import type { RobotRow } from './robot_row.ts';
@@ -26,6 +26,7 @@ export abstract class RowStage<N extends FigureNode<StagedFigure>> implements Ro
   abstract readonly finerBytes: number | null;
   abstract refine(onProgress: OnProgress): Promise<void>;
   abstract setTheme(name: 'dark' | 'light'): void;
+  abstract setFingers(fingers: Fingers): void;
   abstract pick(clientX: number, clientY: number): string | null;
   abstract signsOf(robot: N): DrawnSigns;
   abstract topOf(robot: N): { x: number; y: number } | null;

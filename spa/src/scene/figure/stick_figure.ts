@@ -68,7 +68,7 @@ export class StickFigure {
     this.#canvas.height = height * ratio;
     context.scale(ratio, ratio);
     this.#spread();
-    this.#eye ??= this.#frame(width / height);
+    this.#eye ??= this.#frame(width / height, height);
     this.#project(this.#eye, width, height);
     context.strokeStyle = context.fillStyle = this.#color;
     context.lineWidth = LINE_CSS_PIXELS;
@@ -101,9 +101,9 @@ export class StickFigure {
     placeLinks(transform(xyz, quat_wxyz), rootFromLink, this.#worldFromLink);
   }
 
-  #frame(aspect: number): Eye {
+  #frame(aspect: number, heightPx: number): Eye {
     const { min, max } = boundsOf(this.#worldFromLink, this.#boxes);
-    return homeEye(min, max, aspect);
+    return homeEye(min, max, aspect, heightPx);
   }
 
   #project({ target, ahead, right, up, distance }: Eye, width: number, height: number): void {
@@ -131,8 +131,8 @@ export interface Eye {
   readonly distance: number;
 }
 
-/** The home view of a robot that fills this box, in a picture of this aspect (width : height). */
-export function homeEye(min: Vector, max: Vector, aspect: number): Eye {
+/** The home view of a robot that fills this box, in a picture of this aspect (width : height) and height, CSS px. */
+export function homeEye(min: Vector, max: Vector, aspect: number, heightPx?: number): Eye {
   const extent = extentOf(min, max);
   const { azimuth, elevation } = directionOf('home', extent);
   const [a, e] = [(azimuth * Math.PI) / 180, (elevation * Math.PI) / 180];
@@ -141,7 +141,7 @@ export function homeEye(min: Vector, max: Vector, aspect: number): Eye {
     ahead: [-Math.cos(e) * Math.cos(a), -Math.cos(e) * Math.sin(a), -Math.sin(e)],
     right: [-Math.sin(a), Math.cos(a), 0],
     up: [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)],
-    distance: fittingDistance(extent, aspect),
+    distance: fittingDistance(extent, aspect, heightPx),
   };
 }
 

@@ -1,8 +1,9 @@
-import { PerspectiveCamera, Ray } from 'three';
+import { PerspectiveCamera, Ray, TOUCH } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { prefersReducedMotion } from '../../browser/painting.ts';
 import { CameraRig, LOWEST } from '../camera/camera_rig.ts';
 import { FIELD_OF_VIEW } from '../camera/framing.ts';
+import type { Fingers } from '../figure/body_view.ts';
 
 /** The three.js camera of a `CameraRig`, in a world with Z up. Pointer input is handled by three's `OrbitControls`. */
 export class SceneCamera {
@@ -36,6 +37,14 @@ export class SceneCamera {
       }),
     );
     this.#apply();
+  }
+
+  /** Sets what fingers do; see `BodyView`. */
+  setFingers(fingers: Fingers): void {
+    const { touches, domElement } = this.#controls;
+    touches.ONE = fingers === 'all' ? TOUCH.ROTATE : null;
+    touches.TWO = fingers === 'all' ? TOUCH.DOLLY_PAN : TOUCH.DOLLY_ROTATE;
+    if (domElement !== null) domElement.style.touchAction = fingers === 'all' ? 'none' : 'pan-y';
   }
 
   /** Pans the world by this many CSS pixels, in the picture plane. */

@@ -5,7 +5,7 @@ import type { ModelReport } from '../../model/report.ts';
 import type { LocalRobot } from '../../urdf/local_robot.ts';
 import type { CameraRig } from '../camera/camera_rig.ts';
 import { AdaptiveQuality, type DrawingTrouble } from '../figure/adaptive_quality.ts';
-import type { DrawnSigns } from '../figure/body_view.ts';
+import type { DrawnSigns, Fingers } from '../figure/body_view.ts';
 import type { NodeHost } from '../figure/figure_node.ts';
 import type { QualityStep } from '../figure/quality_steps.ts';
 import { RowStage } from '../figure/row_stage.ts';
@@ -138,6 +138,10 @@ export class RobotScene extends RowStage<RobotNode> {
   /** Like `load`, for a robot whose files are already in this browser. */
   loadLocal(robot: LocalRobot): Promise<ModelReport> {
     return this.robot.loadLocal(robot);
+  }
+
+  setFingers(fingers: Fingers): void {
+    this.#camera.setFingers(fingers);
   }
 
   setTheme(name: ThemeName): void {

@@ -2,7 +2,13 @@
 import { Vector3 } from 'three';
 import { describe, expect, it } from 'vitest';
 import { extentOf } from '../../../src/model/bounds.ts';
-import { directionOf, FIELD_OF_VIEW, fittingDistance, VIEWS } from '../../../src/scene/camera/framing.ts';
+import {
+  directionOf,
+  FIELD_OF_VIEW,
+  fittingDistance,
+  leastDistance,
+  VIEWS,
+} from '../../../src/scene/camera/framing.ts';
 import { homeEye } from '../../../src/scene/figure/stick_figure.ts';
 import { SceneCamera } from '../../../src/scene/three/camera.ts';
 
@@ -15,6 +21,18 @@ describe('the first view', () => {
       expect(distance * slope).toBeGreaterThan(extent.tall);
       expect(distance * slope * aspect).toBeGreaterThan(extent.wide);
     }
+  });
+
+  it('is nearer in a picture that is low in pixels, and still has all of the robot', () => {
+    const extent = extentOf([-0.3, -0.9, 0], [0.3, 0.9, 1.7]);
+    for (const aspect of [2, 1, 0.46]) {
+      const [low, middle, high] = [200, 430, 800].map((px) => fittingDistance(extent, aspect, px));
+      expect(low).toBeGreaterThanOrEqual(leastDistance(extent.tall, extent.wide, aspect));
+      expect(low).toBeLessThanOrEqual(middle!);
+      expect(middle).toBeLessThanOrEqual(high!);
+      expect(high).toBe(fittingDistance(extent, aspect));
+    }
+    expect(fittingDistance(extent, 2, 200)).toBeLessThan(0.93 * fittingDistance(extent, 2, 800));
   });
 
   it('of a long body is taken across its length, and fills the picture', () => {

@@ -55,7 +55,8 @@ export function Framed({
         </h1>
         <span className="grow" />
         <a href={`${home()}${whole}`} target="_blank" rel="noreferrer" title={rest.from(from)}>
-          Posecast <span aria-hidden="true">↗</span>
+          <span className="embed-from">Posecast </span>
+          <span aria-hidden="true">↗</span>
         </a>
       </footer>
       {presented && <Presentation link={link} name={name} note={note} />}

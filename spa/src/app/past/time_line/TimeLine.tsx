@@ -17,7 +17,7 @@ import { languageTag, more } from '../../text/language.ts';
 import { usePastText } from '../../text/late.ts';
 import { dayWords, notKeptWords } from '../../words/moment.ts';
 import { listenToGestures } from './gestures.ts';
-import { chooseOn, chosenOn, scaleFor, scaleIn, scalesOf } from './line.ts';
+import { chooseOn, chosenOn, fitScale, scaleFor, scaleIn, scalesOf } from './line.ts';
 import { completed } from './movement.ts';
 import { Track } from './Track.tsx';
 import { ScaleChoice, TransportBar } from './TransportBar.tsx';
@@ -88,13 +88,13 @@ function Line(props: {
   const past = playhead.at === 'past';
   const room = useRef<HTMLDivElement>(null);
   const [size, setSize] = useState({ widthPx: 0, heightPx: 0 });
-  const { scaleMs: chosen } = useStore(chosenOn(controls));
+  const { scaleMs: chosen, isNarrow } = useStore(chosenOn(controls));
   // Nothing moves under a finger: neither the time nor the page.
   const [held, setHeld] = useState<{ view: View; open: boolean } | null>(null);
   const shown = useRef<View | null>(null);
 
   const windowMs = nowMs - timeline.fromMs;
-  const scale = scaleIn(windowMs, chosen);
+  const scale = scaleIn(windowMs, chosen, isNarrow);
   const stepMs = stepOf(Math.min(scale, windowMs) / Math.max(1, size.widthPx));
   const stepped = (ms: number) => Math.ceil(ms / stepMs) * stepMs;
   useTicked(Math.min(past ? 1000 : STEP_MS.most, stepMs), () => [
@@ -149,6 +149,7 @@ function Line(props: {
     const measure = () => {
       const { width, height } = element.getBoundingClientRect();
       setSize({ widthPx: Math.round(width), heightPx: Math.round(height) });
+      if (width > 0) fitScale(controls, width);
     };
     measure();
     const observer = new ResizeObserver(measure);

@@ -1,4 +1,5 @@
 import type { PastControls } from '../../../past/past_types.ts';
+import { isGuest } from '../../state/address.ts';
 import { stepScale } from './line.ts';
 
 /** The amount of scrolling or swiping that changes the scale by one step, CSS px. */
@@ -23,7 +24,7 @@ export function listenToGestures(element: HTMLElement, controls: PastControls): 
 function listenToWheel(element: HTMLElement, onStep: (by: 1 | -1) => void): () => void {
   let [sum, movedMs, steppedMs] = [0, 0, 0];
   const wheel = (event: WheelEvent) => {
-    if (Math.abs(event.deltaY) < Math.abs(event.deltaX)) return;
+    if (Math.abs(event.deltaY) < Math.abs(event.deltaX) || (isGuest() && !event.ctrlKey)) return;
     event.preventDefault(); // with Ctrl, or with two fingers, the page would zoom
     const { timeStamp } = event;
     if (timeStamp - movedMs > REST_MS) sum = 0;

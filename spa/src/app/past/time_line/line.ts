@@ -7,8 +7,9 @@ const MINUTE_MS = 60_000;
 const HOUR_MS = 60 * MINUTE_MS;
 /** The time spans that a line can show: minutes, hours, days. */
 const SCALES_MS = [5 * MINUTE_MS, 30 * MINUTE_MS, 3 * HOUR_MS, 24 * HOUR_MS, 7 * 24 * HOUR_MS] as const;
-/** Longer spans are shown only on request. */
-const USUAL_MS = 3 * HOUR_MS;
+/** Longer spans are shown only on request: on a line this narrow (CSS px), what is marked would lie over each other. */
+const USUAL_MS = { narrow: SCALES_MS[0], wide: 3 * HOUR_MS };
+const NARROW_PX = 480;
 /** A past only slightly longer than a scale is shown whole. */
 const LITTLE = 1.2;
 /** The step of an arrow key, ms. */
@@ -25,16 +26,18 @@ export function scalesOf(windowMs: number): readonly number[] {
   return shorter.length === SCALES_MS.length ? shorter : [...shorter, ALL];
 }
 
-/** The current scale: the chosen one if it exists; otherwise everything, if that is no more than some hours. */
-export function scaleIn(windowMs: number, chosen: number | null): number {
-  const scales = scalesOf(windowMs);
-  const wanted = chosen ?? (windowMs <= LITTLE * USUAL_MS ? ALL : USUAL_MS);
-  return scaleFor(scales, wanted);
+/** The current scale: the chosen one if it exists; otherwise everything, if that is no more than some hours, or minutes on a narrow
+ *  line. */
+export function scaleIn(windowMs: number, chosenMs: number | null, isNarrow = false): number {
+  const usualMs = isNarrow ? USUAL_MS.narrow : USUAL_MS.wide;
+  return scaleFor(scalesOf(windowMs), chosenMs ?? (windowMs <= LITTLE * usualMs ? ALL : usualMs));
 }
 
 interface ChosenLine {
   /** The scale; null before a choice. */
   readonly scaleMs: number | null;
+  /** Whether it is as narrow as on a phone. */
+  readonly isNarrow: boolean;
   /** The start of a loop whose end has not been set yet, unix ms. */
   readonly loopStartMs: number | null;
   /** Whether the dialog for going to a moment is open. */
@@ -43,7 +46,7 @@ interface ChosenLine {
 
 /** What the viewer has chosen on a time line. */
 export const chosenOn = perObject((_: PastControls) =>
-  createStore<ChosenLine>({ scaleMs: null, loopStartMs: null, isJumpOpen: false }),
+  createStore<ChosenLine>({ scaleMs: null, isNarrow: false, loopStartMs: null, isJumpOpen: false }),
 );
 
 /** Changes some of it. */
@@ -52,17 +55,29 @@ export function chooseOn(controls: PastControls, changed: Partial<ChosenLine>): 
   store.set({ ...store.get(), ...changed });
 }
 
+/** Follows the width of the line, CSS px. A recording is shown whole on any. */
+export function fitScale(controls: PastControls, widthPx: number): void {
+  const isNarrow = widthPx < NARROW_PX && controls.playhead.recorded === null;
+  if (isNarrow !== chosenOn(controls).get().isNarrow) chooseOn(controls, { isNarrow });
+}
+
+/** The scale of a line whose past is this long. */
+function scaleOn(controls: PastControls, windowMs: number): number {
+  const { scaleMs, isNarrow } = chosenOn(controls).get();
+  return scaleIn(windowMs, scaleMs, isNarrow);
+}
+
 /** The length of the shown span, ms. */
 export function shownMs(controls: PastControls): number {
   const windowMs = controls.nowMs - (controls.timeline?.fromMs ?? controls.nowMs);
-  return Math.min(windowMs, scaleIn(windowMs, chosenOn(controls).get().scaleMs));
+  return Math.min(windowMs, scaleOn(controls, windowMs));
 }
 
 /** Shows more (1) or less (-1) of the time. */
 export function stepScale(controls: PastControls, by: 1 | -1): void {
   const windowMs = controls.nowMs - (controls.timeline?.fromMs ?? controls.nowMs);
   const scales = scalesOf(windowMs);
-  const scaleMs = scales[scales.indexOf(scaleIn(windowMs, chosenOn(controls).get().scaleMs)) + by];
+  const scaleMs = scales[scales.indexOf(scaleOn(controls, windowMs)) + by];
   if (scaleMs !== undefined) chooseOn(controls, { scaleMs });
 }
 
