@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
+from posecast_wire.checked import escape_unseen
+
 log = logging.getLogger("posecast_edge")
 
 _T = TypeVar("_T")
@@ -16,24 +18,16 @@ _T = TypeVar("_T")
 
 LINE_MAX = 600  # characters of a line
 WORD_MAX = 60  # characters of a value quoted in a line
-# Unicode calls these printable, but they are invisible: fillers, joiners, variation selectors, blanks.
-_UNSEEN = re.compile(
-    "[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u2800\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]"
-)
 
 
 def make_visible(text: str, most: int = LINE_MAX) -> str:
     """Escape characters of `text` that are invisible or change the writing direction as Python does
-    (`\u202e`), and cut the result to `most` characters."""
-    shown = text[: most + 1]
-    if not shown.isascii() or not shown.isprintable():
-        shown = "".join(_escaped(c) for c in shown)
+    (`\u202e`), except where a script uses them, and cut the result to `most` characters."""
+    shown = escape_unseen(text[: most + 1], _escape)
     return shown if len(shown) <= most else f"{shown[: most - 1]}…"
 
 
-def _escaped(c: str) -> str:
-    if c.isprintable() and not _UNSEEN.match(c):
-        return c
+def _escape(c: str) -> str:
     return c.encode("unicode_escape").decode()
 
 
@@ -41,6 +35,10 @@ def quote(value: object, most: int = WORD_MAX) -> str:
     """`repr` of a value from outside for use in a message, cut to `most` characters. Never raises."""
     if isinstance(value, str):
         value = value[: most + 1]  # don't copy a long one whole
+        if not value.isprintable():  # repr would escape what a script uses
+            mark = '"' if "'" in value and '"' not in value else "'"
+            inside = value.replace("\\", r"\\").replace(mark, f"\\{mark}")
+            return make_visible(f"{mark}{inside}{mark}", most)
     try:
         shown = repr(value)
     except RecursionError:

@@ -21,7 +21,7 @@ from datetime import UTC, datetime
 from types import TracebackType
 from typing import Any
 
-from posecast_wire.checked import UNSEEN
+from posecast_wire.checked import escape_unseen
 
 log = logging.getLogger("posecast_relay")
 
@@ -122,16 +122,11 @@ NAME_MAX = 80  # characters of a name from outside
 OURS = "posecast_"
 
 
-def visible(text: str, most: int = NAME_MAX, kept: str = "") -> str:
+def visible(text: str, most: int = NAME_MAX) -> str:
     """Return a text from outside as one line of at most `most` characters. Characters that are invisible or
-    change the text direction are escaped, except those in `kept`.
+    change the text direction are escaped, except where a script uses them.
     """
-    shown = text if len(text) <= most else text[: most - 1] + "…"
-    if shown.isprintable() and UNSEEN.isdisjoint(shown):
-        return shown
-    escaped = "".join(
-        c if c in kept or (c.isprintable() and c not in UNSEEN) else f"\\u{{{ord(c):x}}}" for c in shown
-    )
+    escaped = escape_unseen(text if len(text) <= most else text[: most - 1] + "…")
     return escaped if len(escaped) <= most else escaped[: most - 1] + "…"
 
 

@@ -1,20 +1,26 @@
-import { readable, type Schema } from '@posecast/wire';
+import { RIGHT_TO_LEFT, type Schema, visible } from '@posecast/wire';
 
-/** Right-to-left letters and marks. */
-const RIGHT_TO_LEFT =
-  /[\u200f\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc\u{10800}-\u{10fff}\u{1e800}-\u{1efff}]/u;
 /** Unicode's first strong isolate and its end: the equivalent of `<bdi>` for titles, labels and sentences without elements. */
 const ISOLATE = '\u2068';
 const END = '\u2069';
 
 /**
- * Makes an external text safe to show: invisible characters become visible, except those needed by scripts (`readable`), and
- * right-to-left text can't reorder its surroundings. Call it only once per text: a second call would make the first one's
+ * Makes an external text safe to show: invisible characters become `visible`, except those needed by scripts, and right-to-left
+ * text can't reorder its surroundings. Call it only once per text: a second call would make the first one's
  * isolates visible.
  */
 export function isolated(text: string): string {
-  const shown = readable(text);
+  return alone(visible(text));
+}
+
+/** The same for a text that is `visible` already. */
+export function alone(shown: string): string {
   return RIGHT_TO_LEFT.test(shown) ? `${ISOLATE}${shown}${END}` : shown;
+}
+
+/** A text that is made of isolated ones, as one that can be isolated as a whole. */
+export function withoutIsolates(shown: string): string {
+  return shown.replaceAll(ISOLATE, '').replaceAll(END, '');
 }
 
 /** The profile's plain name of a joint or sensor in that language ("ko"), safe to show (`isolated`); undefined if there is

@@ -1,5 +1,9 @@
 import { visible } from '@posecast/wire';
 
+/** A letter with its marks and joiners, or an emoji of several pictures: what no cut may part. */
+const LETTER = /.(?:\p{M}|\p{EMod}|\u200c|\u200d.?)*/gsu;
+/** A joiner that has lost what it joined. */
+const DANGLING = /[\u200c\u200d]+$/;
 /** The mark for omitted letters. */
 const GAP = '…';
 /** Value of any letter, in addition to its word's value: other things being equal, more letters are shown. */
@@ -31,7 +35,7 @@ interface Spelled {
 /**
  * Shortens names that are wider than `room` in the middle: "left_hip…pitch". Different names stay different; among the cuts that
  * ensure this, the one that keeps the rarest words is chosen. A name that cannot be distinguished within `room` stays wider.
- * `widthOf` returns the width of one letter. The results are not `isolated` yet.
+ * `widthOf` returns the width of one letter. The results are `visible`, but do not stand `alone` yet.
  */
 export function shortenNames(
   labels: readonly string[],
@@ -66,7 +70,11 @@ function worthOf(cuts: readonly Cut[]): number {
 
 function written({ text, letters }: Spelled, { head, tail }: Cut): string {
   if (head + tail >= letters.length) return text;
-  return letters.slice(0, head).join('') + GAP + letters.slice(letters.length - tail).join('');
+  return (
+    letters.slice(0, head).join('').replace(DANGLING, '') +
+    GAP +
+    letters.slice(letters.length - tail).join('')
+  );
 }
 
 /** A name may itself contain the mark. If that makes two names look the same, both are shown in full. */
@@ -78,7 +86,7 @@ function withoutTwins(names: readonly string[], shown: readonly string[]): strin
 }
 
 function spell(names: readonly string[], widthOf: (letter: string) => number): Spelled[] {
-  const lettersOf = names.map((name) => [...name]);
+  const lettersOf = names.map((name) => name.match(LETTER) ?? []);
   const breaksOf = lettersOf.map(breaksIn);
   const wordsOf = lettersOf.map((letters, i) => wordsIn(letters, breaksOf[i]!));
   const counts = new Map<string, number>();
@@ -90,7 +98,7 @@ function spell(names: readonly string[], widthOf: (letter: string) => number): S
     const worths = new Float64Array(letters.length + 1);
     let k = 0;
     for (const word of wordsOf[i]!) {
-      const size = [...word].length;
+      const size = (word.match(LETTER) ?? []).length;
       const telling = Math.log(names.length / counts.get(word)!) / size;
       for (const end = k + size; k < end; k += 1) {
         widths[k + 1] = widths[k]! + widthOf(letters[k]!);

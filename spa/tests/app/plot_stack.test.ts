@@ -8,7 +8,10 @@ import type { Trace } from '../../src/twin/plots/trace.ts';
 import { codesWith, SCHEMA, stateOf } from '../rigs/schema.ts';
 
 /** Browser tests check the pictures: nothing is drawn here. */
-const pen = new Proxy({}, { get: () => () => pen, set: () => true });
+const pen = new Proxy(
+  {},
+  { get: (_, name) => (name === 'measureText' ? () => ({ width: 7 }) : () => pen), set: () => true },
+);
 let PlotStack: typeof Stack;
 
 beforeAll(async () => {
@@ -61,6 +64,35 @@ describe('plots under one another', () => {
     expect(name.title).toBe('left_hip_pitchJoint pos');
     name.click();
     expect(name.hasAttribute('data-whole')).toBe(true);
+  });
+
+  it('tell apart long names that do not fit, as the table does', () => {
+    const labels = [
+      'می\u200cروم زانو',
+      ...['2', '3'].map((v) => `${'arm_shoulder_pitch_actuator_'.repeat(3)}v${v}`),
+    ];
+    // four lines of 20 letters
+    const box = { clientWidth: 140, clientHeight: 80, scrollWidth: 140 };
+    const mocks = Object.entries(box).map(([name, px]) =>
+      vi.spyOn(HTMLElement.prototype, name as 'clientWidth', 'get').mockReturnValue(px),
+    );
+    const height = vi.spyOn(HTMLElement.prototype, 'scrollHeight', 'get');
+    mocks.push(
+      height.mockImplementation(function (this: HTMLElement) {
+        return (this.textContent?.length ?? 0) > 80 ? 100 : 80;
+      }),
+    );
+    const { host, made } = stack(labels.map((label) => ({ field: 'pos', label })));
+    made.write(new History(), 2000);
+    const names = [...host.querySelectorAll<HTMLElement>('.plot-name')];
+    const shown = () => names.map(({ textContent }) => textContent!);
+    expect(shown()[0]).toBe('\u2068می\u200cروم زانو\u2069 pos');
+    expect(shown()[1]).toMatch(/^.{1,36}…_v2 pos$/);
+    expect(shown()[2]).toMatch(/^.{1,36}…_v3 pos$/);
+    expect(names[1]!.title).toBe(`${labels[1]} pos`);
+    names[1]!.click();
+    expect(shown()[1]).toBe(`${labels[1]} pos`);
+    for (const mock of mocks) mock.mockRestore();
   });
 
   it('are one for each unit, with the newest values beside the names', () => {

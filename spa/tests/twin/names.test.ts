@@ -46,7 +46,8 @@ describe('a name from outside', () => {
   it('keeps the joiners and marks of its script', () => {
     expect(isolated('نیم\u200cساق')).toBe('\u2068نیم\u200cساق\u2069');
     expect(isolated('ශ්\u200dරී')).toBe('ශ්\u200dරී');
-    expect(isolated('B\u200f'), 'whose direction is its own').toBe('\u2068B\u200f\u2069');
+    expect(isolated('אב B\u200f'), 'whose direction is its own').toBe('\u2068אב B\u200f\u2069');
+    expect(isolated('B\u200f'), 'which has none to mark').toBe('B\\u{200f}');
   });
 
   it('turns no neighbour: its direction is its own', () => {

@@ -15,10 +15,12 @@ from posecast_wire import (
     SchemaError,
     compute_joint_values,
 )
+from posecast_wire.checked import escape_unseen
 
 from wire.python.tools.__main__ import FOLDER, make_files
 
 EXPORTED = ("exports.json", "link_poses.json")  # what the relay and the page make of it, see relay/tests
+BY_HAND = ("visible.json",)
 FRAMES = ("valid.json", "invalid.json", "lossy.json", "alternating.json")
 
 
@@ -37,9 +39,14 @@ def cases() -> list[Any]:
 
 def test_committed_vectors_are_what_the_script_makes() -> None:
     files = make_files()
-    assert sorted(p.name for p in FOLDER.iterdir() if p.is_file()) == sorted({*files, *EXPORTED})
+    assert sorted(p.name for p in FOLDER.iterdir() if p.is_file()) == sorted({*files, *EXPORTED, *BY_HAND})
     for name, text in files.items():
         assert (FOLDER / name).read_text(encoding="utf-8") == text, f"run python -m wire.python.tools: {name}"
+
+
+@pytest.mark.parametrize("case", load("visible.json")["cases"], ids=lambda case: ascii(case["text"]))
+def test_what_is_shown_of_a_text(case: dict[str, str]) -> None:
+    assert escape_unseen(case["text"]) == case["shown"]
 
 
 def test_vectors_are_small() -> None:

@@ -78,4 +78,4 @@ export {
 } from './segment/segment.ts';
 export { encodeSegment } from './segment/writer.ts';
 export { type BalanceRule, type Ground, readBalance } from './stance.ts';
-export { readable, visible } from './visible.ts';
+export { RIGHT_TO_LEFT, visible } from './visible.ts';

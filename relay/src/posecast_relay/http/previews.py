@@ -19,8 +19,6 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
-from posecast_wire.checked import SCRIPT_MARKS
-
 from posecast_relay.auth.access import Access
 from posecast_relay.http.robots import find_open_summary
 from posecast_relay.kit import RecentDict, RefusalMemory
@@ -270,7 +268,7 @@ class LinkPreview:
         found = [summary for summary in summaries if summary is not None]
         if len(found) < len(robots):
             return None
-        names = [visible(str(summary["name"]), kept=SCRIPT_MARKS) for summary in found]
+        names = [visible(str(summary["name"])) for summary in found]
         models = {str(summary["robot"]): str(summary["model"]) for summary in found if summary.get("model")}
         sizes = await asyncio.gather(
             *(self._thumbnails.find_size(robot, model, wait_s) for robot, model in models.items())

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from types import MappingProxyType
 
-from posecast_wire.checked import SCRIPT_MARKS, loads
+from posecast_wire.checked import loads
 from posecast_wire.recording import RECORDING_FILE, PastRecording, model_path
 
 from posecast_relay.logging import visible
@@ -108,7 +108,7 @@ def _list_first_parts(page: Path) -> list[str]:
 
 
 def _mark(page: str, home: str, folder: Path, recording: PastRecording, address: str | None) -> str:
-    title = visible(recording.title or _name_robot(recording), SHOWN_MAX, SCRIPT_MARKS)
+    title = visible(recording.title or _name_robot(recording), SHOWN_MAX)
     base = home or "./" if address is None else f"{address.rstrip('/')}/"
     tags = [f'{RECORDING_TAG} content="{home}{RECORDING_FILE}" />']
     tags += [
@@ -124,7 +124,7 @@ def _describe(
     title: str, base: str, folder: Path, recording: PastRecording, address: str | None
 ) -> list[tuple[str, str, str]]:
     """Kind, name and text of each tag that a chat reads."""
-    told = visible(_tell(recording), SHOWN_MAX, SCRIPT_MARKS)
+    told = visible(_tell(recording), SHOWN_MAX)
     tags = [
         ("name", "description", told),
         ("property", "og:site_name", "Posecast"),

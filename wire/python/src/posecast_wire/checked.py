@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NoReturn, TypeGuard, cast
 
 TEXT_MAX = 200  # characters in any one name
@@ -17,8 +17,15 @@ UNFIT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff]")
 UNSEEN = frozenset("\u034f\u115f\u1160\u17b4\u17b5\u180b\u180c\u180d\u180f\u2800\u3164\uffa0")
 UNSEEN |= frozenset(map(chr, (*range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0))))
 # zero-width non-joiner and joiner, left-to-right and right-to-left mark: unseen, and yet part of how Persian,
-# Hindi, Sinhala or Hebrew is written, so they stay in texts for people (SPEC §2)
+# Hindi, Sinhala or Hebrew is written, so they stay where those scripts use them (SPEC §2)
 SCRIPT_MARKS = "\u200c\u200d\u200e\u200f"
+_JOINER, _AS_PICTURE = "\u200d", "\ufe0f"
+# Arabic to Sinhala, Myanmar, Khmer and Mongolian, Arabic presentation forms
+_JOINED = re.compile("[\u0600-\u0dff\u1000-\u109f\u1780-\u18af\ufb50-\ufdff\ufe70-\ufefc]")
+_PICTURE = re.compile("[\u2190-\u21ff\u2300-\u23ff\u2600-\u27bf\u2b00-\u2bff\U0001f000-\U0001faff]")
+_RIGHT_TO_LEFT = re.compile(
+    "[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc\U00010800-\U00010fff\U0001e800-\U0001efff]"
+)
 
 
 class SchemaError(ValueError):
@@ -31,13 +38,35 @@ def fail(where: str, reason: str) -> NoReturn:
 
 
 def make_visible(text: str) -> str:
-    """Make untrusted text safe for a one-line message: at most 160 characters, with invisible characters and
-    those that change the writing direction escaped."""
+    """Make untrusted text safe for a one-line message: at most 160 characters, escaped by `escape_unseen`."""
     if len(text) > SHOWN_MAX:
         text = f"{text[: SHOWN_MAX - 60]}…{text[-59:]}"
+    return escape_unseen(text)
+
+
+def escape_unseen(text: str, escape: Callable[[str], str] = lambda c: f"\\u{{{ord(c):x}}}") -> str:
+    """Escape invisible characters and those that change the writing direction, except where a script uses
+    them: joiners between letters of scripts that need them and in emoji, and direction marks in a text with
+    right-to-left letters (SPEC §2)."""
     if text.isprintable() and UNSEEN.isdisjoint(text):
         return text
-    return "".join(c if c.isprintable() and c not in UNSEEN else f"\\u{{{ord(c):x}}}" for c in text)
+    kept = "\u200e\u200f" if _RIGHT_TO_LEFT.search(text) else ""
+    return "".join(
+        c if c in kept or (c.isprintable() and c not in UNSEEN) or _is_written(text, i) else escape(c)
+        for i, c in enumerate(text)
+    )
+
+
+def _is_written(text: str, at: int) -> bool:
+    """Whether the character at this place joins letters or pictures beside it."""
+    mark, before, after = text[at], text[at - 1 : at], text[at + 1 : at + 2]
+    if mark == _AS_PICTURE:
+        return _PICTURE.match(before) is not None
+    if mark in SCRIPT_MARKS[:2] and _JOINED.match(before) and _JOINED.match(after):
+        return True
+    if before == _AS_PICTURE and at > 1:
+        before = text[at - 2]
+    return mark == _JOINER and _PICTURE.match(before) is not None and _PICTURE.match(after) is not None
 
 
 def _refuse_constant(name: str) -> NoReturn:

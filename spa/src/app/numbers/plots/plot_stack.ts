@@ -3,7 +3,7 @@ import uPlot from 'uplot';
 import 'uplot/dist/uPlot.min.css';
 import { type AngleUnit, formatNumber, formatSpan } from '../../../twin/format.ts';
 import { NUMBERS } from '../../../twin/joints.ts';
-import { isolated } from '../../../twin/names.ts';
+import { alone, isolated, withoutIsolates } from '../../../twin/names.ts';
 import { HISTORY_S, type History } from '../../../twin/plots/history.ts';
 import type { DerivedTraces, Trace } from '../../../twin/plots/trace.ts';
 import {
@@ -16,9 +16,11 @@ import {
   sheetOf,
 } from '../../../twin/plots/window.ts';
 import type { SensorWords } from '../../../twin/sensors/sensors.ts';
+import { shortenNames } from '../../../twin/short_names.ts';
 import { createElement, TextCell } from '../../shell/cells.ts';
 import { say } from '../../text/language.ts';
 import type { More } from '../../text/more_en.ts';
+import { letterWidths } from '../table/name_column.ts';
 
 /** Colours of traces; from the fifth on they are also dashed. Red is left out, because it means a fault. */
 const COLORS = {
@@ -44,13 +46,58 @@ function traceStyle(index: number, theme: 'dark' | 'light'): TraceStyle {
 /** Where a name may wrap: after separators and before a capital. */
 const WORD_ENDS = /[_./:-]+(?=[^_./:\s-])|\p{Ll}(?=\p{Lu})/gu;
 
-/** Shows a name that wraps only between its words: "left_", "hip_", "pitch". If it still doesn't fit, a tap or mouse hover shows
- *  the full name. */
-function writeLegendName(element: HTMLElement, name: string): void {
-  element.title = name;
-  for (const word of name.replace(WORD_ENDS, '$&\n').split('\n'))
-    element.append(word, document.createElement('wbr'));
-  element.addEventListener('click', () => element.toggleAttribute('data-whole'));
+/** A name in a legend. It wraps only between its words: "left_", "hip_", "pitch". If that does not fit into the lines there are, it is
+ *  shortened, and a tap or mouse hover shows all of it. */
+class LegendName {
+  readonly element = createElement('span', 'plot-name');
+  readonly #whole: string;
+  #shown = '';
+
+  /** `name` is followed by `rest`, the word of its field. */
+  constructor(
+    readonly name: string,
+    readonly rest: string,
+  ) {
+    this.#whole = isolated(name) + rest;
+    this.element.title = this.#whole;
+    this.element.addEventListener('click', () =>
+      this.#write(this.element.toggleAttribute('data-whole') ? this.#whole : this.#shown),
+    );
+    this.show();
+  }
+
+  /** Shows the name, or a shorter, `visible` one that stands for it. */
+  show(short?: string): void {
+    this.#shown = short === undefined ? this.#whole : alone(short) + this.rest;
+    this.element.toggleAttribute('data-short', this.#shown !== this.#whole);
+    if (!this.element.hasAttribute('data-whole')) this.#write(this.#shown);
+  }
+
+  get isCut(): boolean {
+    const { clientWidth, clientHeight, scrollWidth, scrollHeight } = this.element;
+    return scrollHeight > clientHeight + 1 || scrollWidth > clientWidth + 1;
+  }
+
+  #write(text: string): void {
+    this.element.replaceChildren();
+    for (const word of text.replace(WORD_ENDS, '$&\n').split('\n'))
+      this.element.append(word, document.createElement('wbr'));
+  }
+}
+
+/** Shortens those names that do not fit, so that each can be told from all others. */
+function fitNames(names: readonly LegendName[]): void {
+  for (const name of names) name.show();
+  const cut = names.filter(({ isCut }) => isCut);
+  if (cut.length === 0) return;
+  const { fontWeight, fontSize, fontFamily } = getComputedStyle(cut[0]!.element);
+  const widthOf = letterWidths(`${fontWeight} ${fontSize} ${fontFamily}`);
+  const width = (text: string) => [...text].reduce((sum, letter) => sum + widthOf(letter), 0);
+  // What fits into two lines if it breaks anywhere fits into four if it breaks between words.
+  const room = 2 * Math.min(...cut.map(({ element }) => element.clientWidth));
+  const texts = [...new Set(names.map(({ name }) => name))];
+  const shown = shortenNames(texts, room - Math.max(...cut.map(({ rest }) => width(rest))), widthOf);
+  for (const name of cut) name.show(shown[texts.indexOf(name.name)]!);
 }
 
 const HEIGHT_PX = { least: 130, most: 240 };
@@ -90,6 +137,7 @@ export class PlotStack {
   /** The schema whose values are shown. */
   #builtFor: History['schema'] | undefined;
   #shown: Shown[] = [];
+  #names: LegendName[] = [];
   #computing = false;
   /** Position of the common cursor; null: none. */
   #at: number | null = null;
@@ -137,6 +185,7 @@ export class PlotStack {
     const { words, derived } = this.#manner;
     for (const { plot } of this.#shown) plot.destroy();
     this.#builtFor = history.schema;
+    this.#names = [];
     const parts: HTMLElement[] = [];
     this.#shown = plotGroups(history, this.#list, this.#manner.angle, words, derived).map((group) => {
       const figure = createElement('figure', 'plot');
@@ -168,11 +217,11 @@ export class PlotStack {
     const swatch = createElement('i', 'plot-swatch');
     swatch.style.borderTop = `2px ${dash.length > 0 ? 'dashed' : 'solid'} ${color}`;
     const title = titleOf(trace);
-    const name = createElement('span', 'plot-name');
-    writeLegendName(name, title);
+    const name = new LegendName(...partsOf(trace));
+    this.#names.push(name);
     const value = createElement('span', 'c-num');
     const unit = createElement('span', 'unit', reading === null ? words.notReported : display.unit);
-    entry.append(swatch, name, value, unit);
+    entry.append(swatch, name.element, value, unit);
     if (takeAway !== null) {
       const remove = createElement('button', 'icon-button', '×');
       remove.type = 'button';
@@ -250,6 +299,7 @@ export class PlotStack {
   }
 
   #fit(): void {
+    fitNames(this.#names);
     const size = this.#size();
     for (const { plot } of this.#shown) {
       if (plot.width !== size.width || plot.height !== size.height) plot.setSize(size);
@@ -258,11 +308,17 @@ export class PlotStack {
 }
 
 /** "RKN pos", using the page's word for the column; "right foot Fz". */
-function titleOf({ of, reading }: PlotTrace): string {
+function titleOf(trace: PlotTrace): string {
+  const [name, rest] = partsOf(trace);
+  return isolated(name) + rest;
+}
+
+/** A title's name, which can be shortened, and what follows it. */
+function partsOf({ of, reading }: PlotTrace): [name: string, rest: string] {
   const { field, label } = of;
   const ofTable = NUMBERS.find(({ name }) => name === field);
-  if (reading !== null && !reading.ofJoint) return reading.title;
-  return `${isolated(label)} ${ofTable === undefined ? field : say()[ofTable.name]}`;
+  if (reading !== null && !reading.ofJoint) return [withoutIsolates(reading.title), ''];
+  return [label, ` ${ofTable === undefined ? field : say()[ofTable.name]}`];
 }
 
 function aligned({ s, columns }: PlotData): uPlot.AlignedData {

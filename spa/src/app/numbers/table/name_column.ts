@@ -1,5 +1,5 @@
 import { type Limb, limbsOf } from '../../../twin/limbs.ts';
-import { isolated } from '../../../twin/names.ts';
+import { alone, isolated } from '../../../twin/names.ts';
 import type { RobotTwin } from '../../../twin/robot.ts';
 import { shortenNames } from '../../../twin/short_names.ts';
 import { more } from '../../text/language.ts';
@@ -30,7 +30,7 @@ export class NameColumn {
   /** The inputs of the shown names: the available width and the font. */
   #madeFor = '';
   #font = '';
-  #widths = new Map<string, number>();
+  #widthOf = letterWidths('');
 
   constructor(table: HTMLTableElement, cells: readonly NameCell[]) {
     this.#table = table;
@@ -49,7 +49,9 @@ export class NameColumn {
     this.#madeFor = madeFor;
     const { paddingLeft, paddingRight } = getComputedStyle(first.parentElement!);
     const padding = (Number.parseFloat(paddingLeft) || 0) + (Number.parseFloat(paddingRight) || 0) + 1;
-    const widthOf = this.#measure(font);
+    if (font !== this.#font) this.#widthOf = letterWidths(font);
+    this.#font = font;
+    const widthOf = this.#widthOf;
     const widest = (texts: readonly string[]) =>
       padding + Math.max(...texts.map((text) => [...text].reduce((sum, letter) => sum + widthOf(letter), 0)));
     const wanted = Math.min(ENOUGH_PX, widest(this.#cells.map(({ name }) => isolated(name))));
@@ -69,7 +71,7 @@ export class NameColumn {
     this.#table.style.setProperty('--joint-width', `${width}px`);
     this.#table.style.minWidth = `${others + width + WORDS_PX}px`;
     this.#cells.forEach(({ button, name }, i) => {
-      const [text, whole] = [isolated(shown[i]!), isolated(name)];
+      const [text, whole] = [alone(shown[i]!), isolated(name)];
       if (button.textContent === text) return;
       button.textContent = text;
       if (text === whole) button.removeAttribute('aria-label');
@@ -82,24 +84,21 @@ export class NameColumn {
     const cells = [...this.#table.querySelectorAll<HTMLElement>('thead th')];
     return cells.slice(1, -1).reduce((sum, { offsetWidth }) => sum + offsetWidth, 0);
   }
+}
 
-  /** Widths of single letters, CSS px. */
-  #measure(font: string): (letter: string) => number {
-    if (font !== this.#font) {
-      this.#font = font;
-      this.#widths.clear();
+/** Returns the width of a single letter in this CSS font, CSS px. */
+export function letterWidths(font: string): (letter: string) => number {
+  const context = document.createElement('canvas').getContext('2d');
+  if (context !== null) context.font = font;
+  const widths = new Map<string, number>();
+  return (letter) => {
+    let width = widths.get(letter);
+    if (width === undefined) {
+      width = context?.measureText(letter).width ?? LETTER_PX;
+      widths.set(letter, width);
     }
-    const context = document.createElement('canvas').getContext('2d');
-    if (context !== null) context.font = font;
-    return (letter) => {
-      let width = this.#widths.get(letter);
-      if (width === undefined) {
-        width = context?.measureText(letter).width ?? LETTER_PX;
-        this.#widths.set(letter, width);
-      }
-      return width;
-    };
-  }
+    return width;
+  };
 }
 
 /** The joints by limb, with titles in the current language. */

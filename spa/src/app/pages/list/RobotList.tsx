@@ -215,7 +215,9 @@ function Card(props: {
         <span className="thumb" data-state={word}>
           <Thumbnail robot={robot} />
         </span>
-        <span className="card-name">{robot.name}</span>
+        <span className="card-name" title={robot.name}>
+          {robot.name}
+        </span>
         {props.hasNamesake && <span className="card-id quiet">{robot.robot}</span>}
         <span className="card-line">
           <span className="chip small" data-state={word}>

@@ -38,7 +38,9 @@ export function LocalPage({ robot, urdfs }: { robot: LocalRobot; urdfs: readonly
         <IconButton onClick={closeLocal} label={rest.closeRobot}>
           <BackIcon />
         </IconButton>
-        <h1 className="robot-name">{isolated(robot.name)}</h1>
+        <h1 className="robot-name" title={isolated(robot.name)}>
+          {isolated(robot.name)}
+        </h1>
         <span className="quiet">{rest.onlyHere}</span>
       </header>
       <main className="split local">
@@ -168,7 +170,7 @@ function Sliders({ robot, scene }: { robot: LocalRobot; scene: RobotScene | null
       </button>
       {robot.joints.map(({ name, unit, lower, upper }) => (
         <label key={name} className="local-slider">
-          <span>{isolated(name)}</span>
+          <span title={isolated(name)}>{isolated(name)}</span>
           <output>{words(values.get(name) ?? 0, unit)}</output>
           <input
             type="range"
