@@ -27,6 +27,7 @@ import pytest
 from posecast_testing import Process, free_port, until, until_async
 
 from tests.conftest import BIN, Stack
+from tests.doc_blocks.block import read_blocks
 from tests.lane import ROBOT, Answer, Follower, Link, Origin
 
 HOSTING = Path(__file__).resolve().parent.parent / "infra/hosting"
@@ -44,10 +45,11 @@ CONTACT = {"access-control-allow-origin": "*", "vary": "authorization"}
 CONTACT |= {"access-control-expose-headers": "age, date, etag, retry-ms, retry-after"}
 
 pytestmark = [pytest.mark.skipif(shutil.which("openssl") is None, reason="no openssl here")]
+PAGE = "docs/how-to/scale/cache-for-a-crowd.md"
+NO_NGINX = pytest.mark.skipif(not shutil.which("nginx"), reason="no nginx: apt-get install nginx")
+OWN = pytest.param("own", marks=NO_NGINX)  # an nginx that somebody wrote by the page
 KINDS = [
-    pytest.param(
-        "nginx", marks=pytest.mark.skipif(not shutil.which("nginx"), reason="no nginx: apt-get install nginx")
-    ),
+    pytest.param("nginx", marks=NO_NGINX),
     pytest.param(
         "varnish",
         marks=[
@@ -151,7 +153,25 @@ def set_up_nginx(folder: Path, relay: str) -> tuple[tuple[str, ...], int, ssl.SS
         "/etc/nginx/nginx-lane.rules": str(HOSTING / "nginx-lane.rules"),
         "/var/log/nginx": str(folder),
     }
-    (folder / "lane.conf").write_text(replace_all((HOSTING / "nginx-lane.conf").read_text(), instead))
+    text = replace_all((HOSTING / "nginx-lane.conf").read_text(), instead)
+    return start_nginx(folder, text), port, ssl.create_default_context(cafile=str(folder / "fullchain.pem"))
+
+
+def set_up_own(folder: Path, relay: str) -> tuple[tuple[str, ...], int, ssl.SSLContext | None]:
+    """The same, as the page says that one writes it."""
+    (text,) = read_blocks(PAGE, "nginx")
+    port = free_port()
+    instead = {
+        "listen 80": f"listen 127.0.0.1:{port}",
+        "http://relay.example": f"http://{relay}",
+        "/var/cache/lane": f"{folder}/kept",
+    }
+    return start_nginx(folder, replace_all(text, instead)), port, None
+
+
+def start_nginx(folder: Path, lane: str) -> tuple[str, ...]:
+    """The command for an nginx that does this and nothing else."""
+    (folder / "lane.conf").write_text(lane)
     kinds = ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
     places = "".join(f"{kind}_temp_path {folder}/{kind};" for kind in kinds)
     user = "" if os.getuid() else "user root;"  # nobody else may read a test's folder
@@ -160,8 +180,7 @@ def set_up_nginx(folder: Path, relay: str) -> tuple[tuple[str, ...], int, ssl.SS
         "events { worker_connections 4000; }"
         f"http {{ access_log off; {places} include {folder}/lane.conf; }}"
     )
-    command = ("nginx", "-p", str(folder), "-c", str(folder / "nginx.conf"))
-    return command, port, ssl.create_default_context(cafile=str(folder / "fullchain.pem"))
+    return "nginx", "-p", str(folder), "-c", str(folder / "nginx.conf")
 
 
 def set_up_varnish(folder: Path, relay: str) -> tuple[tuple[str, ...], int, ssl.SSLContext | None]:
@@ -206,7 +225,7 @@ async def cache(request: pytest.FixtureRequest, world: World, tmp_path: Path) ->
     """Each kind, empty."""
     origin = Origin(world.address)
     relay = f"127.0.0.1:{await origin.start()}"
-    set_up = {"nginx": set_up_nginx, "varnish": set_up_varnish}[request.param]
+    set_up = {"nginx": set_up_nginx, "varnish": set_up_varnish, "own": set_up_own}[request.param]
     command, port, trust = set_up(tmp_path, relay)
     part = Stack(tmp_path).start(request.param, *command)
     made = Cache(origin, port, trust)
@@ -264,6 +283,7 @@ async def play_crowd(cache: Cache) -> AsyncIterator[list[Follower]]:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
+@pytest.mark.parametrize("cache", [*KINDS, OWN], indirect=True)
 async def test_a_relay_is_asked_once_for_a_segment(cache: Cache, world: World) -> None:
     async with play_crowd(cache) as crowd:
         await until_async("all follow", lambda: all(len(one.got) >= 4 for one in crowd))
@@ -565,6 +585,7 @@ async def test_a_token_of_nought_is_one(cache: Cache) -> None:
     assert len(cache.origin.asked) == 2
 
 
+@pytest.mark.parametrize("cache", [*KINDS, OWN], indirect=True)
 async def test_a_crowd_after_a_pause_gets_no_list_of_before_it(cache: Cache) -> None:
     """It may name what was deleted meanwhile."""
     await cache.find_next()  # the robot is on air: every second, each list changes
@@ -578,7 +599,7 @@ async def test_a_crowd_after_a_pause_gets_no_list_of_before_it(cache: Cache) -> 
     for path, etag in before.items():
         if (await relay.ask(f"{ROBOT}/past{path}")).headers["etag"] == etag:
             continue  # these ten minutes have ended meanwhile
-        crowd = await asyncio.gather(*(cache.connect().ask(f"{ROBOT}/past{path}") for _ in range(20)))
+        crowd = await asyncio.gather(*(cache.connect().ask(f"{ROBOT}/past{path}") for _ in range(CROWD)))
         assert {answer.status for answer in crowd} == {200}
         assert etag not in {answer.headers["etag"] for answer in crowd}, path
 

@@ -311,7 +311,7 @@ def test_a_robot_that_is_off_costs_its_model_and_not_its_past(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A relay without an archive gets a model's files from the robot."""
-    monkeypatch.setattr(http_source, "AGAIN_S", 0.5)
+    monkeypatch.setattr(http_source, "AGAIN_S", 1e6)  # nothing is waited for
     files = {"high.glb": (os.urandom(3000), "model/gltf-binary"), "small.png": (PNG, "image/png")}
     relay = Relay(tmp_path, "--past", "memory:")
     edge = ZenohEdge(relay.zenoh, model=Model(files))
@@ -325,9 +325,7 @@ def test_a_robot_that_is_off_costs_its_model_and_not_its_past(
                 ["export", "--robot", "r", *SPAN, "--relay", f"http://{relay.address}", "-o", str(to)], {}
             )
             said = capsys.readouterr().err
-            assert re.search(
-                r": models/\w+/manifest\.json: http\S+: gave up after 0\.5 s: the robot", said
-            ), name
+            assert re.search(r": models/\w+/manifest\.json: http\S+: the robot", said), name
             assert to.stat().st_size > 0
     finally:
         edge.close()

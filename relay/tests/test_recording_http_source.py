@@ -177,17 +177,31 @@ async def test_at_last_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
         assert len(asked) == 3  # within the minute
 
 
-async def test_of_a_robot_that_is_off_one_file_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("status", "requests"),
+    [
+        ((200, b'{"status":"online"}'), 4),
+        ((200, b'{"status":"offline"}'), 2),
+        ((404, b"{}"), 2),
+        ((503, b"{}"), 4),
+    ],
+)
+async def test_one_file_is_waited_for_unless_the_robot_is_off(
+    monkeypatch: pytest.MonkeyPatch, status: tuple[int, bytes], requests: int
+) -> None:
     monkeypatch.setattr(http_source, "WAIT_S", 0.01)
-    off: Script = lambda answer, _: answer.send(503, b'{"error":"off"}')  # noqa: E731
-    async with answering(off, ask_s=20.0) as (source, asked):
-        with pytest.raises(PartAway, match=r"manifest\.json: gave up after 60 s: off$"):
+    away: Script = lambda answer, _: answer.send(  # noqa: E731
+        *((503, b'{"error":"away"}') if "/model/" in answer.path else status)
+    )
+    async with answering(away, ask_s=20.0) as (source, asked):
+        waited = "gave up after 60 s: " if requests > 2 else ""
+        with pytest.raises(PartAway, match=rf"manifest\.json: {waited}away$"):
             await source.load_manifest("5c" * 32)
-        assert len(asked) == 3
+        assert len(asked) == requests
         for _ in range(2):
-            with pytest.raises(PartAway, match=r"a\.glb: off$"):
+            with pytest.raises(PartAway, match=r"a\.glb: away$"):
                 await source.load_model_file("5c" * 32, "a.glb", "5c" * 32, 1)
-        assert len(asked) == 5
+        assert len(asked) == requests + 2
 
 
 SEGMENT = ListedSegment(10, 0, PAGE_MS, PAGE_MS + 1, "5c" * 32)

@@ -99,6 +99,7 @@ RUN: dict[str, dict[str, str]] = {
         "nginx -t": MACHINE,
         "x-cache": "tests/test_hosting.py",
         "posecast.log": MACHINE,
+        "```nginx": "tests/test_lane_cache.py",
     },
     "docs/how-to/scale/gateways.md": {"```sh": SCALE, "reverse_proxy": SCALE},
     "docs/how-to/scale/host-the-page.md": {"policy.mjs": SCALE, "```nginx": "tests/test_hosting.py"},

@@ -322,13 +322,26 @@ class HttpSource:
 
     async def _ask_model(self, path: str, bytes_max: int, sha256: str) -> bytes | None:
         """Ask for one of a model's files. A relay without an archive gets files that it lacks from the robot;
-        if that is off, waiting for one file is enough."""
+        if that is off, nothing is waited for; otherwise, waiting for one file is enough."""
+        if self._model_patience_s is None:
+            self._model_patience_s = 0.0 if await self._is_off() else AGAIN_S
         try:
             answer = await self._ask(f"{self._base}/model/{path}", bytes_max, sha256, self._model_patience_s)
         except PartAway:
             self._model_patience_s = 0.0
             raise
         return None if answer is None else answer.body
+
+    async def _is_off(self) -> bool:
+        """Whether the relay says that the robot is off."""
+        try:
+            answer = await self._client.ask(self._base, PAGE_BYTES_MAX, 0.0)
+            doc = loads(answer.body) if answer.status == HTTPStatus.OK else None
+        except (PastUnreadable, PastDamaged, ValueError):
+            return False
+        return answer.status == HTTPStatus.NOT_FOUND or (
+            isinstance(doc, dict) and doc.get("status") == "offline"
+        )
 
     async def _ask(
         self, path: str, bytes_max: int, sha256: str | None, patience_s: float | None = None
