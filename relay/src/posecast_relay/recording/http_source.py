@@ -239,7 +239,7 @@ class HttpSource:
         self._days: frozenset[int | None] | None = None  # of which there is something; None: unknown
         self._client = RelayClient(relay, token, now)
         self._base = f"/api/v1/robots/{robot}"
-        self._model_patience_s: float | None = None
+        self._waits_for_model = True
 
     @property
     def view(self) -> str:
@@ -323,14 +323,23 @@ class HttpSource:
     async def _ask_model(self, path: str, bytes_max: int, sha256: str) -> bytes | None:
         """Ask for one of a model's files. A relay without an archive gets files that it lacks from the robot;
         if that is off, nothing is waited for; otherwise, waiting for one file is enough."""
-        if self._model_patience_s is None:
-            self._model_patience_s = 0.0 if await self._is_off() else AGAIN_S
+
+        async def ask(patience_s: float) -> bytes | None:
+            answer = await self._ask(f"{self._base}/model/{path}", bytes_max, sha256, patience_s)
+            return None if answer is None else answer.body
+
+        if self._waits_for_model:
+            try:
+                return await ask(0.0)
+            except PastDamaged:
+                raise
+            except PastUnreadable:
+                self._waits_for_model = not await self._is_off()
         try:
-            answer = await self._ask(f"{self._base}/model/{path}", bytes_max, sha256, self._model_patience_s)
+            return await ask(AGAIN_S if self._waits_for_model else 0.0)
         except PartAway:
-            self._model_patience_s = 0.0
+            self._waits_for_model = False
             raise
-        return None if answer is None else answer.body
 
     async def _is_off(self) -> bool:
         """Whether the relay says that the robot is off."""
