@@ -91,6 +91,36 @@ it('a board that falls silent, another set of joints and names that bite: table,
   await whole(page);
 }, 240_000);
 
+it('names have one spelling in table and plots, and long ones are told apart', async () => {
+  const relay = await stage.stack.relay();
+  const long = ['2', '3'].map((v) => `arm_shoulder_pitch_actuator_joint_link_module_assembly_final_v${v}`);
+  const names = ['می\u200cروم زانو', '🤖\u200d🚀 knee', 'a\u200cb', ...long];
+  const wave = { pos: Object.fromEntries(names.map((name) => [name, [0.4, 0.5]])) };
+  stage.stack.fedEdge(relay, { pos: Object.fromEntries(names.map((name) => [name, 0])), wave });
+  const page = await stage.open(`${relay.url}/#/r/demo`, { viewport: { width: 390, height: 844 } });
+  const plotted = () =>
+    page.evaluate<{ label: string; shown: string; title: string; cut: boolean }[]>(
+      `[...document.querySelectorAll('[data-testid=own-trace]')].map(({ dataset: { label }, children: [, name] }) =>
+        ({ label, shown: name.textContent, title: name.title, cut: name.scrollHeight > name.clientHeight + 1 || name.scrollWidth > name.clientWidth + 1 }))`,
+    );
+  await until('all in plots', async () => (await plotted()).length === names.length);
+  const found = await plotted();
+  expect(new Set(found.map(({ shown }) => shown)).size).toBe(names.length);
+  expect(found.filter(({ cut }) => cut)).toEqual([]);
+  const inTable = (label: string) =>
+    page.evaluate<string>(
+      `(() => {
+        const button = document.querySelector('.joints tr[data-label=' + JSON.stringify(${JSON.stringify(label)}) + '] button');
+        return button.getAttribute('aria-label') ?? button.textContent;
+      })()`,
+    );
+  for (const { label, title } of found) expect(title).toBe(`${await inTable(label)} pos`);
+  const titles = found.map(({ title }) => title);
+  expect(titles).toContain('\u2068می\u200cروم زانو\u2069 pos');
+  expect(titles).toContain('🤖\u200d🚀 knee pos');
+  expect(titles).toContain('a\\u{200c}b pos');
+});
+
 /** An arm without any visuals. */
 const BARE_ARM = `<robot name="arm"><link name="base"/><link name="upper"/><link name="hand"/>
 <joint name="lift" type="prismatic"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.4"/><axis xyz="0 0 1"/>
