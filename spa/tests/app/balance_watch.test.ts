@@ -1,8 +1,14 @@
 import { beforeEach, describe, expect, it, vi } from 'vitest';
 import { spokenStance } from '../../src/app/balance/BalanceView.tsx';
-import { type BalanceWatch, balanceOf, balanceTraces, VALUES } from '../../src/app/balance/balance_watch.ts';
+import {
+  type BalanceWatch,
+  balanceOf,
+  balanceTraces,
+  stanceShown,
+  VALUES,
+} from '../../src/app/balance/balance_watch.ts';
 import { onOwnAlarms, ownAlarms } from '../../src/app/state/own_alarms.ts';
-import type { RobotLink } from '../../src/app/state/robot_link.ts';
+import { bodySigns, type RobotLink } from '../../src/app/state/robot_link.ts';
 import { changeSettings } from '../../src/app/state/settings.ts';
 import { lacksOf } from '../../src/twin/balance/lacks.ts';
 import { History } from '../../src/twin/plots/history.ts';
@@ -60,6 +66,27 @@ function lacksNow(watch: BalanceWatch) {
 }
 
 describe('the watch over balance', () => {
+  it('tells of the pose on the screen, which may be an older one, while pictures come', async () => {
+    const one = named('leans until');
+    const { watch, show, link, twin } = await robotOf(one);
+    show(one.frames.length - 1);
+    const newest = watch.known()!.stance!;
+    expect(stanceShown(link), 'without a body').toEqual(newest);
+    const stance = { ...newest, marginMm: 25 };
+    const drawn = { stance, tS: twin.state!.tS - 1 };
+    const now = vi.spyOn(performance, 'now').mockReturnValue(1_000_000);
+    const body = bodySigns(link);
+    body.signs = { drawn: { balance: drawn } };
+    expect(stanceShown(link)).toBe(stance);
+    now.mockReturnValue(1_005_000);
+    expect(stanceShown(link), 'no pictures any more').toEqual(newest);
+    drawn.tS = twin.state!.tS;
+    expect(stanceShown(link), 'it stands still').toBe(stance);
+    body.signs = { drawn: { balance: null } };
+    expect(stanceShown(link), 'balance is not drawn').toEqual(newest);
+    now.mockRestore();
+  });
+
   it('follows the newest numbers, as the vectors have them', async () => {
     const one = named('leans until');
     const { watch, show, link } = await robotOf(one);

@@ -4,7 +4,7 @@ import { useTicked } from '../state/hooks.ts';
 import { type RobotLink, useWord } from '../state/robot_link.ts';
 import { toggleTrace, useShownSecond, useTraces } from '../state/viewing.ts';
 import { type BalanceText, balanceText, useBalanceText } from '../text/late.ts';
-import { balanceOf, VALUES, writeValues } from './balance_watch.ts';
+import { balanceOf, stanceShown, VALUES, writeValues } from './balance_watch.ts';
 import './balance.css';
 
 import type { Stance } from '../../twin/balance/stance.ts';
@@ -66,7 +66,7 @@ export function Stood(props: { link: RobotLink; className?: string; brief?: bool
   const rest = useMore();
   const watch = balanceOf(link);
   const { kind, level, words, few } = useTicked(EVERY_MS, () => {
-    const stance = watch.known()?.stance ?? null;
+    const stance = stanceShown(link);
     if (!watch.isShown || stance === null) return { words: '' };
     const verdict = link.watch.verdict();
     const old = isOld(verdict);

@@ -2,6 +2,7 @@ import { perObject } from '../../kit.ts';
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import { manifestAt } from '../../model/files.ts';
 import { type Manifest, readManifest } from '../../model/manifest.ts';
+import type { ShownBalance } from '../../scene/signs/balance_drawing.ts';
 import type { Balance } from '../../twin/balance/balance.ts';
 import { toldOfMasses } from '../../twin/balance/lacks.ts';
 import { MARGIN, marginLimits, type Stance, StanceJudge } from '../../twin/balance/stance.ts';
@@ -9,7 +10,7 @@ import { DerivedHistory, type History } from '../../twin/plots/history.ts';
 import type { DerivedTraces, Trace, TraceReading } from '../../twin/plots/trace.ts';
 import type { LeadState } from '../../twin/robot.ts';
 import { noteComputed } from '../state/own_alarms.ts';
-import type { RobotLink } from '../state/robot_link.ts';
+import { bodySigns, type RobotLink } from '../state/robot_link.ts';
 import { settings } from '../state/settings.ts';
 import { type BalanceText, balanceText } from '../text/late.ts';
 
@@ -17,6 +18,8 @@ import { type BalanceText, balanceText } from '../text/late.ts';
 const EVERY_MS = 95;
 /** While balance is hidden, computing stops when nobody has asked for this long. */
 const UNASKED_MS = 3000;
+/** Without a new picture for this long, none is drawn any more. */
+const DRAWN_MS = 3000;
 /** A model that failed to load is requested again after this long. */
 const AGAIN_MS = 10_000;
 
@@ -154,6 +157,19 @@ export class BalanceWatch {
 const OF_RAW_FILES: KnownBalance = {
   ...{ possible: true, stance: null, balance: null, findings: [], problems: [] },
 };
+
+/** When a picture was first seen here, ms; each has its own object. */
+const seenMs = perObject((_: object) => performance.now());
+
+/** The stance to tell of: that of the pose on the screen, which on a slow device is older than the newest one; without a picture,
+ *  the newest. */
+export function stanceShown(link: Pick<RobotLink, 'twin' | 'manifestUrl'>): Stance | null {
+  const newest = balanceOf(link).known()?.stance ?? null;
+  const drawn = bodySigns(link).signs?.drawn.balance as ShownBalance | null | undefined;
+  if (drawn?.stance == null || newest === null) return newest;
+  const isOnScreen = drawn.tS === link.twin.state?.tS || performance.now() - seenMs(drawn) < DRAWN_MS;
+  return isOnScreen ? drawn.stance : newest;
+}
 
 /** The balance watch of a robot. */
 export const balanceOf = perObject((link: Pick<RobotLink, 'twin' | 'manifestUrl'>) => new BalanceWatch(link));

@@ -2,7 +2,7 @@ import '../shell/styles/signs.css';
 import { RobotSigns, SIGNS } from '../../scene/signs/signs.ts';
 import { isOld } from '../../twin/liveness.ts';
 import { isolated, wordsOfName } from '../../twin/names.ts';
-import type { RobotLink } from '../state/robot_link.ts';
+import { bodySigns, type RobotLink } from '../state/robot_link.ts';
 import { onSettings, settings } from '../state/settings.ts';
 import { onSelection, selection } from '../state/viewing.ts';
 import { languageTag, onLanguage } from '../text/language.ts';
@@ -11,9 +11,12 @@ import { languageTag, onLanguage } from '../text/language.ts';
  *  and a function that stops it. */
 export function bindSigns(
   show: (signs: RobotSigns) => void,
-  { twin, watch }: RobotLink,
+  link: RobotLink,
 ): { signs: RobotSigns; stop: () => void } {
+  const { twin, watch } = link;
   const signs = new RobotSigns();
+  const onBody = bodySigns(link);
+  onBody.signs = signs;
   const nameOf = (channel: string) => {
     const words = settings().names === 'words' ? wordsOfName(twin.schema, channel, languageTag()) : null;
     return isolated(words ?? channel);
@@ -44,6 +47,7 @@ export function bindSigns(
   return {
     signs,
     stop: () => {
+      if (onBody.signs === signs) onBody.signs = null;
       for (const off of leave) off();
     },
   };

@@ -1,9 +1,11 @@
 import { useEffect, useState, useSyncExternalStore } from 'react';
 import { fetchPartsAhead, setAway } from '../../browser/late_part.ts';
 import { retryNow } from '../../browser/retry.ts';
+import { perObject } from '../../kit.ts';
 import type { PastState } from '../../past/past_types.ts';
 import { laneUrl, leaveLane, manifestUrl, streamUrl, WANTED_HZ } from '../../relay/addresses.ts';
 import { relayChoice } from '../../relay/relay.ts';
+import type { RobotSigns } from '../../scene/signs/signs.ts';
 import { isAbsent, type Link, StreamClient } from '../../stream/client.ts';
 import { nowMs } from '../../stream/clock.ts';
 import { isOld, type Word } from '../../twin/liveness.ts';
@@ -59,6 +61,11 @@ export interface RobotLink {
   /** Whether that time is paused, so that each state is shown as it is. */
   readonly resting: () => boolean;
 }
+
+/** The signs on a robot's body; null while no body is shown. */
+export const bodySigns = perObject((_: object): { signs: Pick<RobotSigns, 'drawn'> | null } => ({
+  signs: null,
+}));
 
 /** Connects to a robot by its id while the component is shown, and disconnects when it is removed or the id changes. null
  *  before the first effect has run. `looksBack`: `usePast` will tell of earlier faults; until then, "No faults" may be false. */

@@ -2,7 +2,13 @@ import type { Ground, Level, Schema } from '@posecast/wire';
 import { BalanceReader } from '../../model/balance/balance_reader.ts';
 import type { PosedBody } from '../../model/posed_body.ts';
 import type { Balance, Vec2 } from '../../twin/balance/balance.ts';
-import { limitsBy, type MarginLimits, marginLimits, StanceJudge } from '../../twin/balance/stance.ts';
+import {
+  limitsBy,
+  type MarginLimits,
+  marginLimits,
+  type Stance,
+  StanceJudge,
+} from '../../twin/balance/stance.ts';
 import type { Threshold } from '../../twin/limits.ts';
 import type { Vec3 } from '../../twin/rotation.ts';
 import {
@@ -45,6 +51,10 @@ export interface ShownBalance {
   readonly marginM: number | null;
   /** The drawn level of the margin. */
   readonly level: Level;
+  /** What is to be said of it; null if nothing. */
+  readonly stance: Stance | null;
+  /** The robot's time of its pose, s. */
+  readonly tS: number;
   readonly pressure: Vec3 | null;
   readonly feet: readonly {
     readonly name: string;
@@ -84,10 +94,11 @@ export class BalanceDrawing {
     if (readings.choice === 'auto' && !reader.onByItself) return;
     const balance = reader.ofBody(body, reader.wrenchesOf(pose.wrenches ?? []), tS, pose);
     this.#left.take(balance, tS, readings.anchored, reach);
-    const level = this.#levelOf(readings, balance);
-    const paints = paintsOf(picture, level);
     const { elements } = body.root.matrixWorld;
     const heading = Math.atan2(elements[1]!, elements[0]!);
+    const stance = this.#stanceOf(readings, balance, heading);
+    const level = stance?.level ?? 'ok';
+    const paints = paintsOf(picture, level);
     const ahead: Vec3 = [Math.cos(heading), Math.sin(heading), 0];
     const { centreOfMass, capturePoint, floorM } = balance;
     const lift = LIFT * reach;
@@ -112,7 +123,8 @@ export class BalanceDrawing {
     this.shown = {
       ...balance, // a copy, because the balance is overwritten with the next pose
       feet: balance.feet.map((foot) => ({ ...foot })),
-      ...{ level, footprints: this.#left.prints, trace: this.#left.points },
+      ...{ level, stance, tS },
+      ...{ footprints: this.#left.prints, trace: this.#left.points },
       joints: joints.map(({ shown }) => shown),
     };
   }
@@ -135,16 +147,16 @@ export class BalanceDrawing {
       for (const { codes, tS } of lead.states) {
         const balance = reader.ofFrame(codes, tS);
         this.#left.take(balance, tS, anchored, reach);
-        this.#levelOf(readings, balance);
+        this.#stanceOf(readings, balance, reader.headingRad);
       }
     }
     return reader;
   }
 
-  #levelOf({ limits }: BalanceReadings, balance: Balance): Level {
+  #stanceOf({ limits }: BalanceReadings, balance: Balance, headingRad: number): Stance | null {
     if (limits === null) this.#limits = marginLimits(null);
     else if (limits !== this.#limits.threshold) this.#limits = limitsBy(limits, 'profile');
-    return this.#judge.next(balance, 0, this.#limits)?.level ?? 'ok';
+    return this.#judge.next(balance, headingRad, this.#limits);
   }
 }
 
