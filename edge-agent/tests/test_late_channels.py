@@ -171,11 +171,11 @@ def test_json_lines(router: Router, tmp_path: Path, moving: Move) -> None:
 
 
 def recording(kind: str, folder: Path) -> str:
-    """Four seconds of the arm, and of the gripper from the second on."""
+    """Four seconds of the arm, and the gripper in the last, later than a recording is looked ahead."""
     times = [k / 20 for k in range(80)]
     path = folder / f"late.{kind}"
     if kind == "jsonl":
-        lines = [{"t": t, "pos": dict.fromkeys(ARM if t < 2 else ARM + FINGER, t % 1)} for t in times]
+        lines = [{"t": t, "pos": dict.fromkeys(ARM if t < 3 else ARM + FINGER, t % 1)} for t in times]
         path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
         return f"jsonl:{path}"
     bag = bag_stage.Bag()
@@ -187,7 +187,7 @@ def recording(kind: str, folder: Path) -> str:
             t_ns,
             bag_stage.joint_state(t_ns, shoulder=t % 1, elbow=0.5),
         )
-        if t >= 2:
+        if t >= 3:
             data = bag_stage.joint_state(t_ns, finger=t % 1)
             bag.add("/gripper/joint_states", "sensor_msgs/msg/JointState", t_ns, data)
     path.write_bytes(bag.finish())

@@ -45,6 +45,9 @@ READS = re.compile(r"(?:decode|feed|fit|load|parse|read|unpack|validate)(?:_|$)"
 ELSEWHERE = {
     "cli.flags.parse_folders": "a flag",
     "cli.flags.parse_xacro_argument": "a flag: test_xacro.py",
+    "cli.settings.read_proof": "flags: test_cli.py",
+    "cli.settings.read_route": "flags: test_route.py",
+    "uplink.route.parse_proxy": "a flag, and the environment: test_route.py",
     "sources.clock.read_time": "a value of JSON, or of a Python program: test_jsonl.py",
     "sources.demo.read_motion": "a file of our own",
     "sources.mujoco.model.load_simulation": "test_hostile_mujoco.py: MuJoCo reads",

@@ -218,7 +218,10 @@ COMMANDS = {  # of `posecast-relay robots` and `past`
     *("--all", "--anyone", "--begin", "--ca", "--certificate", "--days", "--finish", "--from", "--keep"),
     *("--link", "--networks", "--private", "--signed-in", "--to", "--url", "--view", "--yes"),
 }
-EDGE = {"--credential", "--hz", "--relay", "--robot", "--source", "--tls-ca", "--tls-cert", "--tls-key"}
+EDGE = {
+    *("--credential", "--hz", "--proxy", "--relay", "--relay-name", "--robot", "--source"),
+    *("--tls-ca", "--tls-cert", "--tls-key"),
+}
 REDIS_CLI = {"--latency", "--pattern", "--scan"}
 OTHERS = {  # docker, docker compose, kubectl, gcloud, rsync and tar
     *("--cap-drop", "--cert", "--delete", "--detach", "--env-file", "--exclude", "--format", "--from-file"),
