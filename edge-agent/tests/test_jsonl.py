@@ -15,6 +15,7 @@ from cost_stage import cost, grows_linearly
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources import lines
 from posecast_edge.sources.base import Troubled
+from posecast_edge.sources.clock import UNITS_OF_TIME, guess_time_unit
 from posecast_edge.sources.jsonl import parse_line
 from posecast_edge.sources.lines import MAX_LINE, LineError, LineSource, LineSplitter
 from posecast_edge.sources.registry import KINDS, open_source
@@ -155,6 +156,15 @@ def test_the_clock_of_a_file_shows_its_unit(
     else:
         assert len(said) == 1
         assert said[0].startswith(f"{path}: t is read as {unit}, because it")
+
+
+@pytest.mark.parametrize("unit", ["milliseconds", "microseconds", "nanoseconds"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_of_two_clocks_the_one_since_1970_shows_the_unit(unit: str, first: int) -> None:
+    times = [
+        (SINCE_1970_S, 5000.0)[(k + first) % 2] * SMALLER[unit] + k * SMALLER[unit] / 50 for k in range(40)
+    ]
+    assert UNITS_OF_TIME[guess_time_unit(times, "lines")[0]][1] == unit
 
 
 def test_the_clock_of_a_pipe_is_compared_with_ours(caplog: pytest.LogCaptureFixture) -> None:

@@ -62,39 +62,37 @@ def test_the_user_decides(fits: str, tmp_path: Path) -> None:
 
 TURNED, LEFT = (
     "the y axis of glTF is up; turned to z",
-    "the y axis of glTF is up; not turned because of --up-axis",
+    "the y axis of glTF is up; taken as written",
 )
 
 
-@pytest.mark.parametrize(
-    ("mode", "box", "note"),
-    [
-        ("auto", UPRIGHT_Y, TURNED),
-        ("apply", UPRIGHT_Y, TURNED),
-        ("ignore", AS_WRITTEN, LEFT),
-    ],
-)
-@pytest.mark.parametrize("fits", WHERE)
-def test_gltf_is_turned_whatever_fits(fits: str, mode: str, box: object, note: str, tmp_path: Path) -> None:
-    path = robot_of(tmp_path, WHERE[fits])
+@pytest.mark.parametrize("mode", UP_AXIS_MODES)
+@pytest.mark.parametrize("y", [*WHERE.values(), 0.0, 5.0])
+def test_gltf_is_turned_unless_it_fits_as_written(y: float, mode: str, tmp_path: Path) -> None:
+    path = robot_of(tmp_path, y)
+    as_written = mode == "ignore" or (mode == "auto" and y == WHERE["as written"])
+    box, note = (AS_WRITTEN, LEFT) if as_written else (UPRIGHT_Y, TURNED)
     path.write_text(path.read_text().replace("a.dae", "a.glb"))
     (tmp_path / "meshes" / "a.glb").write_bytes(cube_glb())
     built = build(path, mode)
     assert built.document["visuals"][0]["box"] == box
     assert [f.text for f in built.findings if f.code == "gltf-axis"] == [f"mesh 'meshes/a.glb': {note}"]
-    assert said(built) == []
+    why = f"{LEFT}, because then 1 of 1 pairs of neighbouring links touch, otherwise 0"
+    assert said(built) == ([why] if as_written and mode == "auto" else [])
 
 
 def test_gltf_beside_collada_leaves_that_its_choice(tmp_path: Path) -> None:
     path = robot_of(tmp_path, WHERE["as written"])
     (tmp_path / "meshes" / "b.glb").write_bytes(cube_glb())
+    above = mesh("meshes/b.glb").replace(
+        "<geometry>", '<origin xyz="0 0.5 0"/><geometry>'
+    )  # touches when turned
     path.write_text(
-        path.read_text().replace(
-            "</robot>", link("d", mesh("meshes/b.glb")) + joint("l", "c", "d") + "</robot>"
-        )
+        path.read_text().replace("</robot>", link("d", above) + joint("l", "c", "d") + "</robot>")
     )
     boxes = [v["box"] for v in build(path, "auto").document["visuals"]]
-    assert (boxes[0], boxes[-1]) == (AS_WRITTEN, UPRIGHT_Y)
+    assert boxes[0] == AS_WRITTEN
+    assert boxes[-1] == [[0, 0.3, 0], [0.2, 0.5, 0.2]]  # turned, it touches the box
 
 
 def test_where_both_fit_it_is_as_in_rviz(tmp_path: Path) -> None:

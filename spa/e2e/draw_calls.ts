@@ -49,7 +49,7 @@ export const COUNT_DRAWS = `(() => {
 export async function drawCalls(page: Page): Promise<DrawCalls & { three: number }> {
   for (const side of ['front', 'side']) {
     const before = await renderedFrames(page);
-    await page.findByRole('button', side).click();
+    await page.findByRole('button', new RegExp(`^${side}$`)).click();
     await until('a picture', async () => (await renderedFrames(page)) > before);
     await until('the camera has come to rest', () => resting(page));
   }

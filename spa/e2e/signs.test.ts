@@ -89,7 +89,7 @@ describe('what a robot does not say', () => {
     await page.findByRole('button', 'Signs').click();
     const offered = await page.findByTestId('sign-menu').text();
     expect(offered).toContain('Limbs off their command');
-    expect(offered).not.toMatch(/forces|level|balance|colou?r/i);
+    expect(offered).not.toMatch(/forces|level|colou?r/i); // balance comes with the masses of its model
     expect(await page.findByTestId('level').visible()).toBe(false);
   });
 

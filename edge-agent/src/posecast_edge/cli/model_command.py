@@ -189,7 +189,7 @@ def _model(
         _print(sys.stderr, f"{args.program}: {text}")
     else:
         with ProgressBar(sys.stderr) as bar:
-            files = read_visual_files(robot, Resolver(path, packages), bar.show_progress, args.up_axis)
+            files = read_visual_files(robot, Resolver(path, packages), bar.show_progress)
         if tree.links:
             settle_up_axis(urdf, tree, files, args.up_axis)
         facts = collect_facts(files)
@@ -268,7 +268,7 @@ def _build(args: argparse.Namespace, packages: Sequence[Path], cache: Path | Non
     if files is None:
         robot, resolver = load_robot_file(path, packages, arguments), Resolver(path, packages)
         with ProgressBar(sys.stderr) as bar:
-            built = build_model(robot, resolver, bar.show_progress, args.up_axis)
+            built = build_model(robot, resolver, bar.show_progress)
         files = {**built.files, MANIFEST: built.manifest}
         if kept is not None:
             kept.put(files, resolver, robot.inputs)

@@ -27,9 +27,12 @@ def guess_time_unit(times: Sequence[float], what: str) -> tuple[str, str]:
     """The unit of the first times of a file, or of a single time, and the reason for it; "" for seconds, the
     default. `what`: what has these times, "rows" or "lines"."""
     times = [t for t in times if abs(t) < NO_TIME]
+    # of two clocks in one file, the one that counts since 1970 tells the unit; a stray time does not
+    large = sorted(times, key=abs)[len(times) * 3 // 4] if times else 0.0
     for unit, least in SINCE_1970:
-        if times and min(map(abs, times)) >= least:
-            return unit, f"it starts at {times[0]:.4g}"
+        if abs(large) >= least:
+            first = abs(times[0]) >= least
+            return unit, f"it starts at {times[0]:.4g}" if first else f"it has times such as {large:.4g}"
     steps = sorted(b - a for a, b in itertools.pairwise(times) if b > a)
     for unit, least in STEPS:
         if len(steps) > 1 and steps[len(steps) // 2] >= least:

@@ -90,7 +90,7 @@ class Built:
 
 
 def build_model(robot: RobotFile, resolver: Resolver, progress: Progress, up_axis: str = AUTO) -> Built:
-    """Build a robot's bundle. `up_axis`: how to treat the up axis of Collada files (one of UP_AXIS_MODES).
+    """Build a robot's bundle. `up_axis`: how to treat that of Collada and glTF files, one of UP_AXIS_MODES.
     Raises ModelRefused when the file has no robot."""
     urdf = robot.urdf
     tree = build_tree(urdf)
@@ -103,7 +103,7 @@ def build_model(robot: RobotFile, resolver: Resolver, progress: Progress, up_axi
             raise ModelRefused(
                 f"joint {quote_name(joint.name)}: an origin more than 10,000 km away", joint.line
             )
-    files = read_visual_files(robot, resolver, progress, up_axis)
+    files = read_visual_files(robot, resolver, progress)
     settle_up_axis(urdf, tree, files, up_axis)
     figure = build_figure(urdf, tree, files)
     document: dict[str, Any] = {"v": VERSION, "robot": urdf.name[:NAME_MAX], **make_skeleton(urdf, tree)}

@@ -12,7 +12,7 @@ from posecast_edge.model.meshes.mesh import Mesh, turn_upright
 from posecast_edge.model.meshes.reader import SideFiles, read_mesh
 from posecast_edge.model.robot_file import RobotFile
 from posecast_edge.model.urdf.resolver import Resolver
-from posecast_edge.model.urdf.types import AUTO, IGNORE, find_material
+from posecast_edge.model.urdf.types import find_material
 
 TRIANGLES_MAX = 10_000_000  # of all meshes
 
@@ -41,10 +41,8 @@ class Files:
         resolver: Resolver,
         textured: Collection[str] = (),
         meshes: Mapping[str, Mesh] | None = None,
-        up_axis: str = AUTO,
     ) -> None:
-        """`textured`: URIs of meshes with a texture in the URDF; `meshes`: meshes that need no file, by URI;
-        `up_axis`: one of UP_AXIS_MODES. Unless it says ignore, glTF is turned from y up to z up."""
+        """`textured`: URIs of meshes with a texture in the URDF; `meshes`: those without a file, by URI."""
         self._resolver = resolver
         self._meshes = meshes or {}
         self._textured = textured
@@ -52,8 +50,7 @@ class Files:
         self._by_path: dict[tuple[Path, bool], Mesh | str] = {}
         self._pictures: dict[str, bytes | str] = {}
         self._shelf = SideFiles()
-        self._up_axis = up_axis
-        self._upright = False
+        self._turned: set[bool] = set()  # formats, by is_up_certain
         self.triangles = 0  # of all meshes read so far
 
     def __getitem__(self, uri: str) -> MeshFile:
@@ -102,11 +99,12 @@ class Files:
         reasons = {file.uri: file.reason for file in self if file.reason}
         return reasons | {uri: why for uri, why in self._pictures.items() if isinstance(why, str)}
 
-    def turn_upright(self) -> None:
-        """Turn every mesh whose file declares an up axis other than z, also those that are read later."""
-        self._upright = True
+    def turn_upright(self, is_certain: bool) -> None:
+        """Turn every mesh of a format (Collada, or with `is_certain` glTF) whose up axis is not z, also those
+        that are read later."""
+        self._turned.add(is_certain)
         self._by_path = {
-            key: turn_upright(mesh) if isinstance(mesh, Mesh) else mesh for key, mesh in self._by_path.items()
+            key: self._orient(mesh) if isinstance(mesh, Mesh) else mesh for key, mesh in self._by_path.items()
         }
         for uri, file in self._by_uri.items():
             if file.path is not None:
@@ -122,15 +120,17 @@ class Files:
         except MemoryError:
             return "needs more memory than this machine has"
         self.triangles += mesh.triangles
-        certain = mesh.is_up_certain and self._up_axis != IGNORE
-        return turn_upright(mesh) if self._upright or certain else mesh
+        return self._orient(mesh)
+
+    def _orient(self, mesh: Mesh) -> Mesh:
+        return turn_upright(mesh) if mesh.is_up_certain in self._turned else mesh
 
 
 def _too_many() -> str:
     return f"left out: the robot already has more than {TRIANGLES_MAX:,} triangles"
 
 
-def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress, up_axis: str = AUTO) -> Files:
+def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress) -> Files:
     """Read all files that visuals need, and report progress."""
     urdf = robot.urdf
     pictures: dict[str, None] = {}
@@ -140,7 +140,7 @@ def read_visual_files(robot: RobotFile, resolver: Resolver, progress: Progress, 
         if shape.geometry is not None and material is not None and material.texture:
             pictures[material.texture] = None
             textured.add(shape.geometry.uri)
-    files = Files(resolver, textured, robot.meshes, up_axis)
+    files = Files(resolver, textured, robot.meshes)
     for uri in pictures:
         files.find_picture(uri)
     shapes = [s.geometry for link in urdf.links for s in link.visuals if s.geometry is not None]

@@ -1,8 +1,9 @@
-"""Decides whether to apply the up axis that a robot's Collada files declare.
+"""Decides whether to apply the up axis of a robot's Collada and glTF files.
 
-Exporters write Y_UP whether or not they have already turned the vertices; RViz ignores it. The assembled
-robot shows which is right: the shells of joined links touch, unless they are turned wrongly. In glTF, y is
-always up, so model_files.py has turned those files, unless the user says otherwise.
+Exporters write Y_UP into Collada whether or not they have already turned the vertices; RViz ignores it. In
+glTF, y is up by definition, and RViz turns it; but some exporters leave z up. The assembled robot shows which
+is right: the shells of joined links touch, unless they are turned wrongly. If that does not tell, Collada is
+taken as written and glTF is turned.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ STEPS = (0.7548776662466927, 0.5698402909980532)
 NEIGHBOURS = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
 
 Points = NDArray[np.float64]
+NOTHING: Points = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -41,33 +43,38 @@ class Fit:
 
 
 def settle_up_axis(urdf: Urdf, tree: Tree, files: Files, mode: str) -> None:
-    """Turn the meshes in `files` upright if their up axis applies, and add that to the URDF's findings.
-    `mode`: one of UP_AXIS_MODES."""
-    named = sorted({f.mesh.up for f in files if f.mesh is not None and f.mesh.up})
-    if not named or mode == IGNORE:
+    """Turn the meshes in `files` upright if their up axis applies, glTF and Collada each for itself, and add
+    that to the URDF's findings. `mode`: one of UP_AXIS_MODES."""
+    if mode == IGNORE:
         return
-    says = f"the Collada files declare {' and '.join(named)}"
-    if mode == APPLY:
-        files.turn_upright()
-        urdf.findings.append(Finding("hint", "up-axis", f"{says}; turned upright because of --up-axis"))
-        return
-    fit = measure_fit(urdf, tree, files)
-    if not fit.pairs:
-        return
-    applied = fit.applied > fit.ignored
-    best, other = max(fit.applied, fit.ignored), min(fit.applied, fit.ignored)
-    how = "turned upright" if applied else "taken as written"
-    why = f"{best} of {fit.pairs} pairs of neighbouring links touch, otherwise {other}"
-    urdf.findings.append(Finding("hint", "up-axis", f"{says}; {how}, because then {why}"))
-    if applied:
-        files.turn_upright()
+    for is_gltf in (True, False):
+        meshes = (f.mesh for f in files if f.mesh is not None and f.mesh.is_up_certain == is_gltf)
+        named = sorted({mesh.up for mesh in meshes if mesh.up})
+        if not named:
+            continue
+        if mode == APPLY:
+            applied, why = True, " because of --up-axis"
+        else:
+            fit = measure_fit(urdf, tree, files, is_gltf)
+            applied = fit.applied >= fit.ignored if is_gltf else fit.applied > fit.ignored
+            best, other = max(fit.applied, fit.ignored), min(fit.applied, fit.ignored)
+            touch = f"{best} of {fit.pairs} pairs of neighbouring links touch, otherwise {other}"
+            why = f", because then {touch}" if fit.pairs else ""
+        if applied:
+            files.turn_upright(is_gltf)
+        if why and not (is_gltf and applied):  # that needs no reason
+            says = (
+                "the y axis of glTF is up" if is_gltf else f"the Collada files declare {' and '.join(named)}"
+            )
+            how = "turned upright" if applied else "taken as written"
+            urdf.findings.append(Finding("hint", "up-axis", f"{says}; {how}{why}"))
 
 
-def measure_fit(urdf: Urdf, tree: Tree, files: Files) -> Fit:
-    """Count the joined links that touch at home, among those that the up axis affects."""
+def measure_fit(urdf: Urdf, tree: Tree, files: Files, is_gltf: bool) -> Fit:
+    """Count the joined links that touch at home, among those that the up axis of this format affects."""
     skeleton = make_skeleton(urdf, tree)
     poses = [np.array(p) for p in compute_link_poses(skeleton, compute_home(skeleton)).values()]
-    sampler = _Sampler(files)
+    sampler = _Sampler(files, is_gltf)
     clouds: list[tuple[Points, Points]] = []  # of each link: as written, upright
     turned: list[bool] = []
     left = SHAPES_MAX
@@ -95,8 +102,10 @@ def measure_fit(urdf: Urdf, tree: Tree, files: Files) -> Fit:
 class _Sampler:
     """Points on each geometry, taken once for each mesh."""
 
-    def __init__(self, files: Files) -> None:
+    def __init__(self, files: Files, is_gltf: bool) -> None:
+        """`is_gltf`: the format that may be turned, else Collada."""
         self._files = files
+        self._is_gltf = is_gltf
         self._known: dict[str, tuple[Points, Points]] = {}
 
     def sample_geometry(self, geometry: Geometry) -> tuple[Points, Points]:
@@ -112,8 +121,11 @@ class _Sampler:
         return scaled, scaled if upright is written else upright * scale
 
     def _of_mesh(self, mesh: Mesh | None) -> tuple[Points, Points]:
-        points = _sample_mesh(mesh) if mesh is not None else np.zeros((0, 3))
-        return points, points @ UPRIGHT[mesh.up].T if mesh is not None and mesh.up in UPRIGHT else points
+        if mesh is None:
+            return NOTHING, NOTHING
+        points = _sample_mesh(mesh)
+        turns = mesh.is_up_certain == self._is_gltf and mesh.up in UPRIGHT
+        return points, points @ UPRIGHT[mesh.up].T if turns else points
 
 
 def _sample_mesh(mesh: Mesh) -> Points:

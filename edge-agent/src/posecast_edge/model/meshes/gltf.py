@@ -1,6 +1,6 @@
 """Reads glTF 2.0, as GLB or with separate files: triangles, base colours and their pictures.
 
-The mesh keeps glTF's axes, of which y is up; builder/model_files.py turns them, as RViz does. A problem of a
+The mesh keeps glTF's axes, of which y is up; builder/up_axis.py turns them, as RViz does. A problem of a
 material never costs the shape: it gives a note, and the material lacks what could not be read.
 """
 
@@ -103,7 +103,7 @@ class _Reader:
         self._expansion = Expansion(size)
         self._visited = 0
         self.notes = Notes()
-        self.notes.add(UP_NOTES[1], f"{GLTF_UP}; not turned because of --up-axis")
+        self.notes.add(UP_NOTES[1], f"{GLTF_UP}; taken as written")
         unknown = sorted({n for n in document.get("extensionsRequired", []) if not KNOWN.fullmatch(n)})
         if unknown:
             how = "compression" if COMPRESSED.fullmatch(unknown[0]) else "this extension"
