@@ -466,12 +466,21 @@ def test_a_mask_that_is_too_long_costs_its_cell(
     ]
 
 
+NO_NAMES = "walk.csv:1: the first row holds numbers: write the columns' names above, such as t,knee"
+NO_TEXT = "walk.csv:1: not a table of text: unpack it, or export it as CSV"
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
         ("", "walk.csv: empty"),
         ("\n\n", "walk.csv: empty"),
         ("A,B\n1,2\n", "walk.csv:1: no column `t` (or time, timestamp, t_ms, …) among 'A', 'B'"),
+        *((f"{cells}\n{cells}\n", NO_NAMES) for cells in ("1.5,2", "1403636579.7 -0.3 1e-3", "-1;2;5e-3")),
+        *(
+            (start, NO_TEXT)
+            for start in ("PK\x03\x04\x14\0\0,\x08\n", "\x1f\x8b\x08,\0\0\n", "PAR1\x15\x04;\0\n")
+        ),
         ("t\n1\n", "walk.csv:1: no column can be read except the clock"),
         ("t,info.mode\n1,x\n", "walk.csv:1: no column can be read except the clock"),
         (

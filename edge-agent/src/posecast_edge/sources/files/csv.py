@@ -342,6 +342,13 @@ class Table:
     def _find_clock(self, rows: Sequence[Sequence[str]]) -> TableClock:
         clock = find_clock(self._names, rows)
         if clock is None:
+            if not all(name.isprintable() for name in self._names):
+                raise SourceError(f"{self._where}: not a table of text: unpack it, or export it as CSV")
+            if all(NUMBER.match(name) for name in self._names):
+                raise SourceError(
+                    f"{self._where}: the first row holds numbers: "
+                    "write the columns' names above, such as t,knee"
+                )
             shown = ", ".join(repr(name[:40]) for name in self._names[:6])
             raise SourceError(f"{self._where}: no column `t` (or time, timestamp, t_ms, …) among {shown}")
         if clock.guessed:
