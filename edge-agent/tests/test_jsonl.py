@@ -167,6 +167,16 @@ def test_of_two_clocks_the_one_since_1970_shows_the_unit(unit: str, first: int) 
     assert UNITS_OF_TIME[guess_time_unit(times, "lines")[0]][1] == unit
 
 
+def test_a_file_whose_clock_steps_back_says_so_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "a.jsonl"
+    path.write_text("".join(f'{{"t": {t}, "pos": {{"a": 1}}}}\n' for t in (0, 0.01, 0, 0.01, 0)))
+    source = open_source(f"jsonl:{path}", None)
+    source.run(lambda _: None, threading.Event())
+    assert caplog.messages == [
+        f"{path}: its clock steps back from 0.010 s to 0.000 s; the order in the file counts"
+    ]
+
+
 def test_the_clock_of_a_pipe_is_compared_with_ours(caplog: pytest.LogCaptureFixture) -> None:
     line = b'{"t": %d, "pos": {"a": 1}}\n'
     run_bytes(line % 100 + line % 50 + line % 1_795_899_884_250 + line % 1_795_899_884_251)

@@ -34,6 +34,15 @@ def timeline(*times_s: float, count: int = 100, **how: float) -> list[tuple[floa
     return [(due_s, sample.t_s) for due_s, sample in islice(player.schedule_samples(), count)]
 
 
+def test_a_clock_that_steps_back_is_named_once(caplog: pytest.LogCaptureFixture) -> None:
+    """Nor does a loop, whose passes follow each other."""
+    timeline(1.0, 1.5, 1.25, 1.5, 1.25, loop=True)
+    said = "times: its clock steps back from 1.500 s to 1.250 s; the order in the file counts"
+    assert caplog.messages == [said]
+    timeline(1.0, 1.5, 1.5, loop=True)
+    assert caplog.messages == [said]
+
+
 @pytest.mark.parametrize(
     ("address", "playback"),
     [

@@ -64,6 +64,11 @@ def explain_time(t: object, shown: Callable[[object], str]) -> str:
     return f"t is read as {UNITS_OF_TIME[unit][1]}, because {why}" if why else ""
 
 
+def explain_step_back(before_s: float, t_s: float) -> str:
+    """What is said of a file whose clock steps back from one time to another, in seconds."""
+    return f"its clock steps back from {before_s:.3f} s to {t_s:.3f} s; the order in the file counts"
+
+
 # --- does it run?
 
 LOOK_S = 1.0  # between two checks of the pace

@@ -20,7 +20,7 @@ from posecast_edge import kit
 from posecast_edge.kit import OnceLog, PartLog, kind_of
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver
-from posecast_edge.sources.clock import UNITS_OF_TIME, ClockCheck, guess_time_unit
+from posecast_edge.sources.clock import UNITS_OF_TIME, ClockCheck, explain_step_back, guess_time_unit
 
 MAX_LINE = 1 << 20  # bytes; 4096 channels in full precision, with their names, are 200 kB
 TOO_LARGE = "robot's samples are too large"  # shown to viewers
@@ -77,6 +77,7 @@ class LineSource:
         self._paced = stat.S_ISREG(os.fstat(fd).st_mode)
         self._started = False
         self._start_s = 0.0  # kit.now_s() when the file's clock was 0
+        self._before_s = 0.0  # the newest time in the file
         log = logging.getLogger(f"posecast_edge.{kind}")
         self._bad = PartLog(log.warning, "bad lines")
         self._unit = ""  # of a file's clock, once it is known
@@ -191,6 +192,9 @@ class LineSource:
         """Wait until `t_s` on the file's clock. If that clock jumps, continue from its new time."""
         now_s = kit.now_s()
         ahead_s = self._start_s + t_s - now_s
+        if self._started and t_s < self._before_s:
+            self._clock.add(explain_step_back(self._before_s, t_s), "step back")
+        self._before_s = t_s
         if not self._started or not -MAX_PAUSE_S <= ahead_s <= MAX_PAUSE_S:
             self._started, self._start_s, ahead_s = True, now_s - t_s, 0.0
         stop.wait(max(0.0, ahead_s))

@@ -9,6 +9,7 @@ continues from one repetition to the next.
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Iterator
@@ -18,6 +19,9 @@ from typing import Protocol, TextIO
 
 from posecast_edge.sample import Sample, SourceError
 from posecast_edge.sources.base import Deliver, split_options, to_seconds
+from posecast_edge.sources.clock import explain_step_back
+
+log = logging.getLogger(__name__)
 
 ENDLESS_LINE = 64 << 20  # characters: a file with a longer line is not a text file
 MAX_PAUSE_S = 10.0
@@ -98,7 +102,7 @@ class Player:
     def schedule_samples(self) -> Iterator[tuple[float, Sample]]:
         """Yield (due time in seconds after the first sample, sample) for every sample."""
         due_s = shift_s = step_s = 0.0
-        first_pass = True
+        first_pass, has_stepped_back = True, False
         while True:
             began_s: float | None = None
             previous_s = 0.0
@@ -108,6 +112,9 @@ class Player:
                 elif 0 <= sample.t_s - previous_s <= MAX_PAUSE_S:
                     step_s = sample.t_s - previous_s
                     due_s += step_s
+                elif sample.t_s < previous_s and first_pass and not has_stepped_back:
+                    has_stepped_back = True
+                    log.warning("%s: %s", self.description, explain_step_back(previous_s, sample.t_s))
                 previous_s = sample.t_s
                 yield due_s, sample._replace(t_s=sample.t_s + shift_s)
             if began_s is None:
