@@ -28,7 +28,7 @@ def guess_time_unit(times: Sequence[float], what: str) -> tuple[str, str]:
     default. `what`: what has these times, "rows" or "lines"."""
     times = [t for t in times if abs(t) < NO_TIME]
     # of two clocks in one file, the one that counts since 1970 tells the unit; a stray time does not
-    large = sorted(times, key=abs)[len(times) * 3 // 4] if times else 0.0
+    large = sorted(times, key=abs)[(len(times) - 1) * 3 // 4] if times else 0.0
     for unit, least in SINCE_1970:
         if abs(large) >= least:
             first = abs(times[0]) >= least
