@@ -140,11 +140,13 @@ it('at 400 % zoom the numbers and the time line are apart', async () => {
     await until(height, async () => (await page.findByTestId('sheet').attribute('data-height')) === height);
     await until(`apart at ${height}`, holds(page, apart));
     if (height !== 'peek')
-      expect(
-        await page.evaluate<boolean>(
+      await until(
+        `the tabs are above the line at ${height}`,
+        holds(
+          page,
           `document.querySelector('[role=tablist]').getBoundingClientRect().bottom <= document.querySelector('.time-line').getBoundingClientRect().top`,
         ),
-      ).toBe(true);
+      );
     await page.evaluate(`document.querySelector('.grip').click()`);
   }
 });
