@@ -223,7 +223,7 @@ PARSERS = (
             "sources.files.ros_recording.RosRecording.read_samples",
             "sources.files.records.RecordedFile.read_messages",
             "sources.files.records.read_blocks",
-            "sources.files.mcap_records.McapFile.read_messages",
+            "sources.files.records.BlockFile.read_messages",
             "sources.files.mcap_records.unpack_chunk",
         ),
         mcap_work,
@@ -242,7 +242,7 @@ PARSERS = (
     Parser(
         "bag of ROS 1",
         (
-            "sources.files.rosbag1_records.Rosbag1File.read_messages",
+            "sources.files.records.BlockFile.read_messages",
             "sources.files.rosbag1_records.unpack_rosbag1_chunk",
         ),
         mcap_work,

@@ -23,17 +23,14 @@ from mcap.records import Channel, Chunk, Schema
 from posecast_edge.sources.files.records import (
     UNPACKED_MAX,
     Block,
+    BlockFile,
     Complain,
-    FindTime,
     Record,
     RecordedMessage,
     RecordedTopic,
     append_block,
-    complete_blocks,
     describe_error,
-    find_span,
     ignore,
-    read_blocks,
 )
 from posecast_edge.sources.ros.messages import shorten_type
 from posecast_edge.sources.ros.topics import TOPIC_MAX
@@ -50,34 +47,12 @@ TOO_LONG = (MemoryError, OverflowError)  # raised when a record claims too large
 UNREADABLE = (McapError, zstandard.ZstdError, struct.error, RuntimeError, ValueError, EOFError, *TOO_LONG)
 
 
-class McapFile:
-    """A file that has been scanned from record to record: one that was cut off or has no index is no
-    exception."""
+class McapFile(BlockFile):
+    """An MCAP file (see BlockFile)."""
 
     def __init__(self, path: Path, complain: Complain) -> None:
-        """`complain` gets a line for each record that is left out. Raises OSError when reading fails."""
-        self.topics: dict[int, RecordedTopic] = {}
-        self._path, self._complain = path, complain
         self._types: dict[int, str] = {}  # of schemas
-        self._blocks: list[Block] = []
-        with path.open("rb") as file:
-            self._scan(file)
-            complete_blocks(self._blocks, self.topics, lambda block: self._read_block(file, block, ()))
-        self.span_ns = find_span(self._blocks)
-
-    def read_messages(
-        self, wanted: Collection[int], held_max: int, find_ns: FindTime | None = None
-    ) -> Iterator[RecordedMessage]:
-        """See RecordedFile."""
-        with self._path.open("rb") as file:
-            yield from read_blocks(
-                self._blocks,
-                self.topics,
-                wanted,
-                lambda block: self._read_block(file, block, wanted),
-                held_max,
-                find_ns,
-            )
+        super().__init__(path, complain)
 
     def _scan(self, file: IO[bytes]) -> None:
         chunk: Block | None = None  # the last one, whose index follows

@@ -12,7 +12,8 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from heapq import heapify, heappop, heapreplace
-from typing import NamedTuple, Protocol
+from pathlib import Path
+from typing import IO, NamedTuple, Protocol
 
 from posecast_edge.kit import many
 
@@ -302,3 +303,40 @@ def count_overlapping(spans: Sequence[tuple[int, int]]) -> int:
             ended += 1
         most = max(most, begun + 1 - ended)
     return most
+
+
+class BlockFile:
+    """A file of blocks that has been scanned from record to record: one that was cut off, never closed or has
+    no index is no exception. A format says how to `_scan` it and to `_read_block`."""
+
+    def __init__(self, path: Path, complain: Complain) -> None:
+        """`complain` gets a line for each record that is left out. Raises OSError when reading fails."""
+        self.topics: dict[int, RecordedTopic] = {}
+        self._path, self._complain = path, complain
+        self._blocks: list[Block] = []
+        with path.open("rb") as file:
+            self._scan(file)
+            complete_blocks(self._blocks, self.topics, lambda block: self._read_block(file, block, ()))
+        self.span_ns = find_span(self._blocks)
+
+    def read_messages(
+        self, wanted: Collection[int], held_max: int, find_ns: FindTime | None = None
+    ) -> Iterator[RecordedMessage]:
+        """See RecordedFile."""
+        with self._path.open("rb") as file:
+            yield from read_blocks(
+                self._blocks,
+                self.topics,
+                wanted,
+                lambda block: self._read_block(file, block, wanted),
+                held_max,
+                find_ns,
+            )
+
+    def _scan(self, file: IO[bytes]) -> None:
+        """Find the blocks, and what the file's index says of them."""
+        raise NotImplementedError
+
+    def _read_block(self, file: IO[bytes], block: Block, wanted: Collection[int]) -> Iterator[Record]:
+        """The topics of a block, and its messages of the topics that are wanted."""
+        raise NotImplementedError

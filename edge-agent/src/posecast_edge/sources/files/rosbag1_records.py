@@ -7,7 +7,6 @@ from __future__ import annotations
 import bz2
 import struct
 from collections.abc import Collection, Iterator
-from pathlib import Path
 from typing import IO, NamedTuple
 
 import lz4.frame
@@ -16,17 +15,14 @@ import numpy as np
 from posecast_edge.sources.files.records import (
     UNPACKED_MAX,
     Block,
+    BlockFile,
     Complain,
-    FindTime,
     Record,
     RecordedMessage,
     RecordedTopic,
     append_block,
-    complete_blocks,
     describe_error,
-    find_span,
     ignore,
-    read_blocks,
 )
 from posecast_edge.sources.ros.messages import shorten_type
 from posecast_edge.sources.ros.topics import TOPIC_MAX
@@ -43,32 +39,8 @@ UNPACKERS = {b"bz2": bz2.BZ2Decompressor, b"lz4": lz4.frame.LZ4FrameDecompressor
 Fields = dict[bytes, bytes]
 
 
-class Rosbag1File:
-    """A bag that has been scanned from record to record: one that was never closed is no exception."""
-
-    def __init__(self, path: Path, complain: Complain) -> None:
-        """`complain` gets a line for each record that is left out. Raises OSError when reading fails."""
-        self.topics: dict[int, RecordedTopic] = {}
-        self._path, self._complain = path, complain
-        self._blocks: list[Block] = []
-        with path.open("rb") as file:
-            self._scan(file)
-            complete_blocks(self._blocks, self.topics, lambda block: self._read_block(file, block, ()))
-        self.span_ns = find_span(self._blocks)
-
-    def read_messages(
-        self, wanted: Collection[int], held_max: int, find_ns: FindTime | None = None
-    ) -> Iterator[RecordedMessage]:
-        """See RecordedFile."""
-        with self._path.open("rb") as file:
-            yield from read_blocks(
-                self._blocks,
-                self.topics,
-                wanted,
-                lambda block: self._read_block(file, block, wanted),
-                held_max,
-                find_ns,
-            )
+class Rosbag1File(BlockFile):
+    """A bag of ROS 1 (see BlockFile)."""
 
     def _scan(self, file: IO[bytes]) -> None:
         chunk: Block | None = None  # the last one, whose index follows
