@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 import websockets
 import zenoh
-from posecast_testing import Process
+from posecast_testing import Process, until_async
 from posecast_wire import (
     Credential,
     Decoder,
@@ -385,10 +385,10 @@ class Watcher:
 
     async def until(self, what: str, probe: Callable[[Watcher], object], deadline_s: float = 20.0) -> None:
         """Wait for something to be true of this viewer."""
-        end_s = time.monotonic() + deadline_s
-        while not probe(self):
-            assert time.monotonic() < end_s, f"not within {deadline_s:g} s: {what}; closed {self.closed}"
-            await asyncio.sleep(0.01)
+        try:
+            await until_async(what, lambda: probe(self), deadline_s)
+        except AssertionError as e:
+            raise AssertionError(f"{e}; closed {self.closed}") from None
 
     def most_missed(self, since_seq: int) -> int:
         """The most frames of the robot that went by between two that came: its longest gap, in frames."""

@@ -8,13 +8,13 @@ from __future__ import annotations
 import asyncio
 import logging
 import shutil
-import time
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import redis
+from posecast_testing import until_async
 
 from .fleet import Fleet, FleetEdge, Gateway, Ingest
 from .page import Page
@@ -59,10 +59,10 @@ class Park:
 
     async def until(self, what: str, probe: Callable[[], object]) -> None:
         """Poll."""
-        end_s = time.monotonic() + HEALED_S
-        while not probe():
-            assert time.monotonic() < end_s, f"{what}: {self.page.look()} {self.page.told[-1:]}"
-            await asyncio.sleep(0.02)
+        try:
+            await until_async(what, probe, HEALED_S)
+        except AssertionError as e:
+            raise AssertionError(f"{e}: {self.page.look()} {self.page.told[-1:]}") from None
 
     async def says(self, word: str) -> None:
         """Until the page says so."""
